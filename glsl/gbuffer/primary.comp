@@ -1,0 +1,29 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// One camera ray a pixel: what it hits, and the albedo that irradiance is multiplied with there.
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "lib/fresnel.glsl"
+#include "trace/trace.glsl"
+
+layout(set = 1, binding = 0, rgba32ui) uniform writeonly uimage2D out_hits;
+layout(set = 1, binding = 1, rgba32f) uniform writeonly image2D out_albedo;
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, imageSize(out_hits)))) return;
+    Ray ray = camera_ray(uvec2(pixel));
+    Hit hit;
+    vec3 albedo = vec3(0.0);
+    if (trace_closest(ray.origin, ray.direction, 0.0, 1.0 / 0.0, hit)) {
+        Surface surface = surface_at(hit);
+        bool front = face(surface, -ray.direction);
+        albedo = diffuse_share(surface.material, max(0.0, -dot(surface.normal, ray.direction)), front);
+    } else {
+        hit.instance = NO_HIT;
+    }
+    imageStore(out_hits, pixel, pack_hit(hit));
+    imageStore(out_albedo, pixel, vec4(albedo, 1.0));
+    count_rays(COUNT_GBUFFER, 1u);
+}

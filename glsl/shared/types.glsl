@@ -1,0 +1,117 @@
+// Structures shared with Rust: build.rs reflects them through test/layout.comp and writes their twins.
+// Scalar layout everywhere: no padding but what stands here, for 64-bit alignment.
+#ifndef SHARED_TYPES_GLSL
+#define SHARED_TYPES_GLSL
+
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+
+struct Instance {
+    mat4x3 object_to_world;
+    uint first_triangle; // of its mesh, in the triangle array
+    float orientation;   // sign of the determinant: −1 flips front and back
+};
+
+struct Triangle {
+    uvec3 vertices;
+    uint material;
+};
+
+const uint MATERIAL_DOUBLE_SIDED = 1u; // emission leaves both sides
+const uint MATERIAL_UNLIT = 2u;
+const uint MATERIAL_ALPHA_MASK = 4u;
+const uint MATERIAL_SOLID = 8u; // transmits into a volume; a thin wall otherwise
+const uint NO_TEXTURE = 0xffffffffu;
+
+struct Material {
+    vec3 base_color;
+    float alpha;
+    vec3 emission; // W/(sr m²)
+    float roughness;
+    vec3 specular_color;
+    float specular;
+    vec3 absorption; // 1/m, inside a solid
+    float metallic;
+    float ior;
+    float transmission;
+    float alpha_cutoff;
+    uint flags;
+    uint base_color_texture;
+};
+
+const uint TEXTURE_NEAREST = 1u;
+const uint TEXTURE_UV1 = 2u;
+const uint TEXTURE_WRAP_U_SHIFT = 2u; // two bits each: 0 repeat, 1 mirrored repeat, 2 clamp to edge
+const uint TEXTURE_WRAP_V_SHIFT = 4u;
+
+struct Texture {
+    uint64_t texels; // rgba8, colour in sRGB
+    uvec2 size;
+    vec3 transform_u; // u' = dot(transform_u, (u, v, 1))
+    vec3 transform_v;
+    uint flags;
+    uint padding0;
+};
+
+const uint LIGHT_POINT = 0u;
+const uint LIGHT_SPOT = 1u;
+const uint LIGHT_DIRECTIONAL = 2u;
+
+struct Light {
+    vec3 position;
+    uint kind;
+    vec3 direction; // it shines along
+    float cos_inner;
+    vec3 intensity; // W/sr; directional: W/m²
+    float cos_outer;
+    vec3 flux;        // W, all of what it emits
+    float power_cdf;  // share of the lights up to and with this one in the power
+};
+
+// A virtual point light. Flux 0 marks a slot whose path ended.
+struct Vpl {
+    vec3 position;
+    uint path;
+    vec3 normal; // geometric, on the side that was lit
+    uint bounce;
+    vec3 flux; // W
+};
+
+struct Camera {
+    vec3 eye;
+    uint orthographic;
+    vec3 right; // half the width of the image plane at distance 1 (orthographic: in metres)
+    vec3 up;
+    vec3 forward; // unit length
+};
+
+struct SceneData {
+    uint64_t instances;
+    uint64_t triangles;
+    uint64_t positions;
+    uint64_t normals;
+    uint64_t uv0;
+    uint64_t uv1;
+    uint64_t colors;
+    uint64_t materials;
+    uint64_t textures;
+    uint64_t lights;
+    uint64_t bvh_nodes;
+    uint64_t bvh_triangles;
+    uint64_t ray_counters; // 0: rays are not counted
+    uint light_count;
+    uint triangle_count;
+    float ray_epsilon; // unit of ray origin offsets (m)
+    vec3 scene_center;
+    float scene_radius; // of the bounding sphere (m)
+    Camera camera;
+    uvec2 full_size;     // of the whole picture, pixels
+    uvec2 window_origin; // of the part being rendered
+    vec2 pixel_offset;   // sample position in the pixel, 0.5 is its centre
+    uint seed;
+    uint specular_depth;
+    float mirror_roughness;
+    uint padding0;
+};
+
+#endif

@@ -1,0 +1,200 @@
+// Traversal of the eight-wide compressed BVH of accel/software.rs: Ylitie, Karras and Laine, "Efficient
+// Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs" (2017), with min and max planes side by side.
+//
+// A closed mesh leaks no ray. The triangle test is that of Woop, Benthin and Wald, "Watertight Ray/Triangle
+// Intersection" (2013): vertices are projected along the ray by a function of the vertex alone, and a sign
+// of an edge function is never wrong, only zero, since rounding is monotonic; zero counts as inside, within the
+// bounds of the projected triangle.
+// Boxes are entered early and left late by more than all rounding errors of box and triangle test together:
+// up to 20 units of 2^-24 of the origin's and the scene's largest coordinates; 32 are taken (scene.ray_epsilon
+// is 8 of the scene's).
+#ifndef TRACE_SOFTWARE_GLSL
+#define TRACE_SOFTWARE_GLSL
+
+#extension GL_EXT_control_flow_attributes : require
+
+layout(constant_id = 111) const uint STACK_DEPTH = 24u; // levels of nodes
+
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhNodes { uvec4 word[]; };
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhTriangles { vec4 word[]; };
+
+const uint TRACE_INVOCATIONS = gl_WorkGroupSize.x * gl_WorkGroupSize.y * gl_WorkGroupSize.z;
+
+// Groups of sibling nodes still to visit, by level; invocations side by side.
+shared uvec2 trace_stack[STACK_DEPTH * TRACE_INVOCATIONS];
+
+// Projects along the ray: (x, y) is the distance from it, z the ray parameter.
+struct RayFrame {
+    vec3 x;
+    vec3 y;
+    vec3 z;
+};
+
+RayFrame ray_frame(vec3 d)
+{
+    vec3 a = abs(d);
+    if (a.x >= a.y && a.x >= a.z)
+        return RayFrame(vec3(-d.y / d.x, 1, 0), vec3(-d.z / d.x, 0, 1), vec3(1 / d.x, 0, 0));
+    if (a.y >= a.z)
+        return RayFrame(vec3(0, -d.z / d.y, 1), vec3(1, -d.x / d.y, 0), vec3(0, 1 / d.y, 0));
+    return RayFrame(vec3(1, 0, -d.x / d.z), vec3(0, 1, -d.y / d.z), vec3(0, 0, 1 / d.z));
+}
+
+vec2 project(RayFrame frame, vec3 v)
+{
+    precise vec2 p;
+    p.x = fma(v.x, frame.x.x, fma(v.y, frame.x.y, v.z * frame.x.z));
+    p.y = fma(v.x, frame.y.x, fma(v.y, frame.y.y, v.z * frame.y.z));
+    return p;
+}
+
+float edge(vec2 a, vec2 b)
+{
+    precise float left = a.x * b.y;
+    precise float right = a.y * b.x;
+    precise float difference = left - right;
+    return difference;
+}
+
+// t and the weights of the second and third vertex; false if the ray's line misses.
+bool intersect(RayFrame frame, vec3 a, vec3 b, vec3 c, out vec3 t_barycentrics)
+{
+    vec2 pa = project(frame, a);
+    vec2 pb = project(frame, b);
+    vec2 pc = project(frame, c);
+    vec3 w = vec3(edge(pc, pb), edge(pa, pc), edge(pb, pa));
+    float determinant = w.x + w.y + w.z;
+    bool inside = all(greaterThanEqual(w, vec3(0))) || all(lessThanEqual(w, vec3(0)));
+    if (!inside || determinant == 0) return false;
+    // Far from a tiny triangle all products can round to the same.
+    vec2 low = min(pa, min(pb, pc));
+    vec2 high = max(pa, max(pb, pc));
+    if (any(greaterThan(low, vec2(0))) || any(lessThan(high, vec2(0)))) return false;
+    t_barycentrics = vec3(dot(frame.z, w.x * a + w.y * b + w.z * c), w.yz) / determinant;
+    return true;
+}
+
+uvec2 triangle_id(BvhTriangles triangles, uint first_word)
+{
+    return floatBitsToUint(vec2(triangles.word[first_word].w, triangles.word[first_word + 1u].w));
+}
+
+bool precedes(uvec2 id, uvec2 other)
+{
+    return id.x < other.x || (id.x == other.x && id.y < other.y);
+}
+
+bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool any_hit, out Hit hit)
+{
+    BvhNodes nodes = BvhNodes(scene.bvh_nodes);
+    BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
+    RayFrame frame = ray_frame(direction);
+
+    // A zero component becomes so small a one that the ray does not notice and its inverse is finite.
+    vec3 size = abs(direction);
+    float tiny = max(size.x, max(size.y, size.z)) * uintBitsToFloat((127u - 60u) << 23);
+    vec3 inverse = 1 / mix(direction, mix(vec3(tiny), vec3(-tiny), lessThan(direction, vec3(0))), lessThan(size, vec3(tiny)));
+    vec3 reach = abs(origin);
+    float slack = 4 * scene.ray_epsilon + max(reach.x, max(reach.y, reach.z)) * uintBitsToFloat((127u - 19u) << 23);
+    vec3 enter = -origin * inverse - slack * abs(inverse);
+    vec3 leave = -origin * inverse + slack * abs(inverse);
+    bvec3 negative = lessThan(inverse, vec3(0));
+    // Children lie in the slots of the octants they are seen from; near ones block sooner too.
+    uint octant = (negative.x ? 0u : 4u) | (negative.y ? 0u : 2u) | (negative.z ? 0u : 1u);
+    uint octant4 = octant * 0x01010101u;
+
+    const uint none = 0xffffffffu;
+    uint best = none;
+    uint base = gl_LocalInvocationIndex;
+    uint top = base;
+    // x: the first sibling's index; y: which slots are to be visited (8 bits) and which hold nodes (8 bits).
+    uvec2 group = uvec2(0, 0x80000000u);
+    while (true) {
+        uint bit = findMSB(group.y);
+        group.y &= ~(1u << bit);
+        if (group.y > 0x00ffffffu) {
+            trace_stack[top] = group;
+            top += TRACE_INVOCATIONS;
+        }
+        uint slot = (bit - 24u) ^ octant;
+        uint index = group.x + bitCount(group.y & 0xffu & ((1u << slot) - 1u));
+
+        uvec4 n0 = nodes.word[index * 5u];
+        uvec4 n1 = nodes.word[index * 5u + 1u];
+        uvec4 nx = nodes.word[index * 5u + 2u];
+        uvec4 ny = nodes.word[index * 5u + 3u];
+        uvec4 nz = nodes.word[index * 5u + 4u];
+        vec3 cell = uintBitsToFloat((uvec3(n0.w) << uvec3(23, 15, 7)) & 0x7f800000u) * inverse;
+        vec3 corner = uintBitsToFloat(n0.xyz);
+        vec3 near = fma(corner, inverse, enter);
+        vec3 far = fma(corner, inverse, leave);
+        if (negative.x) nx = nx.zwxy;
+        if (negative.y) ny = ny.zwxy;
+        if (negative.z) nz = nz.zwxy;
+
+        uint hits = 0u;
+        [[unroll]] for (uint four = 0u; four < 2u; four++) {
+            uint meta = n1[2u + four];
+            uint inner = (meta & (meta << 1)) & 0x10101010u;
+            uint bits = (meta ^ (octant4 & ((inner >> 4) * 0xffu))) & 0x1f1f1f1fu;
+            uint counts = (meta >> 5) & 0x07070707u;
+            uvec3 low = uvec3(nx[four], ny[four], nz[four]);
+            uvec3 high = uvec3(nx[2u + four], ny[2u + four], nz[2u + four]);
+            [[unroll]] for (uint shift = 0u; shift < 32u; shift += 8u) {
+                vec3 t0 = fma(vec3((low >> shift) & 0xffu), cell, near);
+                vec3 t1 = fma(vec3((high >> shift) & 0xffu), cell, far);
+                if (max(max(t0.x, t0.y), max(t0.z, t_min)) <= min(min(t1.x, t1.y), min(t1.z, t_max)))
+                    hits |= ((counts >> shift) & 0xffu) << ((bits >> shift) & 0xffu);
+            }
+        }
+
+        group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
+        hits &= 0x00ffffffu;
+        while (hits != 0u) {
+            uint at = uint(findMSB(hits));
+            hits &= ~(1u << at);
+            at = (n1.y + at) * 3u;
+            vec4 a = triangles.word[at];
+            vec4 b = triangles.word[at + 1u];
+            vec4 c = triangles.word[at + 2u];
+            vec3 t_barycentrics;
+            if (!intersect(frame, a.xyz - origin, b.xyz - origin, c.xyz - origin, t_barycentrics)) continue;
+            float t = t_barycentrics.x;
+            if (!(t > t_min && t <= t_max)) continue;
+            uvec2 id = floatBitsToUint(vec2(a.w, b.w));
+            if (t == t_max && (best == none || precedes(triangle_id(triangles, best), id))) continue;
+            if (ALPHA_MASK && floatBitsToUint(c.w) != 0u && alpha_hole(id.x, id.y, t_barycentrics.yz)) continue;
+            if (any_hit) return true;
+            t_max = t;
+            best = at;
+        }
+
+        if (group.y <= 0x00ffffffu) {
+            if (top == base) break;
+            top -= TRACE_INVOCATIONS;
+            group = trace_stack[top];
+        }
+    }
+    if (best == none) return false;
+
+    // Barycentrics are worked out again rather than kept in registers all along.
+    vec4 a = triangles.word[best];
+    vec4 b = triangles.word[best + 1u];
+    vec3 t_barycentrics;
+    intersect(frame, a.xyz - origin, b.xyz - origin, triangles.word[best + 2u].xyz - origin, t_barycentrics);
+    hit = Hit(t_max, floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
+    return true;
+}
+
+bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
+{
+    return traverse(origin, direction, t_min, t_max, false, hit);
+}
+
+bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
+{
+    Hit hit;
+    return traverse(origin, direction, t_min, t_max, true, hit);
+}
+
+#endif

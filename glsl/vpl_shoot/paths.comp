@@ -1,0 +1,105 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// One light path a thread; a VPL in a fixed slot at every diffuse hit. Flux 0 marks a gap.
+layout(local_size_x = 64) in;
+#include "lib/counters.glsl"
+#include "lib/fresnel.glsl"
+#include "lib/lights.glsl"
+#include "lib/sampling.glsl"
+#include "trace/offset.glsl"
+#include "trace/trace.glsl"
+
+layout(set = 1, binding = 0, scalar) writeonly buffer Slots { Vpl data[]; } slots;
+layout(push_constant, scalar) uniform Params { uint paths; uint bounces; } params;
+
+// Halton dimensions: 0 the light, 1 and 2 its emission, then a pair a bounce.
+vec2 halton_pair(uint dimension, uint path) {
+    // The sequence starts at 1: its element 0 is a corner in every dimension.
+    return vec2(halton(dimension, path + 1u, scene.seed), halton(dimension + 1u, path + 1u, scene.seed));
+}
+
+struct Emission {
+    vec3 origin;
+    vec3 direction;
+    vec3 flux; // carried by the path, W
+};
+
+Emission emit(uint path) {
+    float u = halton(0u, path + 1u, scene.seed);
+    uint low = 0u, high = scene.light_count - 1u;
+    while (low < high) {
+        uint middle = (low + high) / 2u;
+        if (LightArray(scene.lights)[middle].at.power_cdf > u) high = middle;
+        else low = middle + 1u;
+    }
+    Light light = LightArray(scene.lights)[low].at;
+    float before = low == 0u ? 0.0 : LightArray(scene.lights)[low - 1u].at.power_cdf;
+    float paths_here = (light.power_cdf - before) * float(params.paths); // p_light · P
+    vec2 v = halton_pair(1u, path);
+    if (is_directional(light)) {
+        vec2 disc = scene.scene_radius * sample_disc(v);
+        vec3 start = scene.scene_center - scene.scene_radius * light.direction;
+        return Emission(start + basis_around(light.direction) * vec3(disc, 0.0), light.direction, light.flux / paths_here);
+    }
+    if (is_spot(light)) {
+        vec3 direction = basis_around(light.direction) * sample_cone(v, light.cos_outer);
+        float solid_angle = 2.0 * PI * (1.0 - light.cos_outer);
+        return Emission(light.position, direction,
+                        light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here));
+    }
+    return Emission(light.position, sample_sphere(v), light.flux / paths_here);
+}
+
+void main() {
+    uint path = gl_GlobalInvocationID.x;
+    if (path >= params.paths) return;
+    Vpl gap = Vpl(vec3(0.0), path, vec3(0.0), 0u, vec3(0.0));
+    uint bounce = 0u, rays = 0u;
+    if (scene.light_count > 0u) {
+        Emission emission = emit(path);
+        vec3 origin = emission.origin, direction = emission.direction, flux = emission.flux;
+        vec3 absorption = vec3(0.0);
+        uint specular = 0u;
+        Hit hit;
+        while (bounce < params.bounces && flux != vec3(0.0)) {
+            ++rays;
+            if (!trace_closest(origin, direction, 0.0, 1.0 / 0.0, hit)) break;
+            Surface surface = surface_at(hit);
+            bool front = face(surface, -direction);
+            if (VOLUMES) flux *= exp(-absorption * distance(origin, surface.position));
+            float cos_s = max(0.0, -dot(direction, surface.normal));
+            float cos_g = -dot(direction, surface.geometric_normal);
+            vec3 albedo = diffuse_albedo(surface.material);
+            if (albedo != vec3(0.0) && !is_glass(surface.material)) {
+                // The correction makes light paths equal camera paths where normals are interpolated.
+                flux *= albedo * (cos_g > 0.0 ? cos_s / cos_g : 0.0);
+                slots.data[path * params.bounces + bounce] =
+                    Vpl(surface.position, path, surface.geometric_normal, bounce, flux);
+                vec2 u = halton_pair(3u + 2u * bounce, path);
+                direction = basis_around(surface.geometric_normal) * sample_cosine_hemisphere(u);
+                origin = offset_origin(surface.position, surface.geometric_normal);
+                ++bounce;
+                specular = 0u;
+                continue;
+            }
+            // Mirrors and glass leave no VPL: the path goes on one way, chosen by its share of the light.
+            if (++specular > scene.specular_depth) break;
+            Split split = split_light(surface.material, min(cos_s, 1.0), front);
+            float r = dot(split.reflected, vec3(1.0)), t = dot(split.transmitted, vec3(1.0));
+            if (r + t <= 0.0) break;
+            float p = r / (r + t);
+            if (unit_float(hash(scene.seed, path, rays)) < p) {
+                flux *= split.reflected / p;
+                direction = reflect_above(direction, surface.normal, surface.geometric_normal);
+                origin = offset_origin(surface.position, surface.geometric_normal);
+            } else {
+                flux *= split.transmitted / (1.0 - p);
+                direction = transmit(surface.material, direction, surface.normal, front);
+                origin = offset_origin(surface.position, -surface.geometric_normal);
+                if (is_solid(surface.material)) absorption = front ? surface.material.absorption : vec3(0.0);
+            }
+        }
+    }
+    for (; bounce < params.bounces; ++bounce) slots.data[path * params.bounces + bounce] = gap;
+    count_rays(COUNT_VPL_SHOOT, rays);
+}

@@ -1,0 +1,107 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// The Whitted tree behind primary hits: follows mirrors and glass, sums the emission found on the way, and lists
+// the diffuse surfaces where branches end.
+//
+// They are lit by a kernel of their own (light.comp): few pixels are specular, and a loop over all VPLs in each of
+// them would leave most of a GPU waiting.
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "lib/fresnel.glsl"
+#include "trace/trace.glsl"
+#include "whitted/reached.glsl"
+
+layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
+layout(set = 1, binding = 1, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 2, scalar) readonly buffer Count { uint vpls; } count;
+layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_emitted;
+layout(set = 1, binding = 4, r32ui) uniform writeonly uimage2D out_last;
+layout(set = 1, binding = 5, scalar) writeonly buffer Points { Reached data[]; } points;
+layout(set = 1, binding = 6, scalar) buffer Length { uint points; } list;
+layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
+
+#include "whitted/sources.glsl"
+
+struct Branch {
+    vec3 origin;
+    vec3 direction;
+    vec3 throughput;
+    vec3 absorption; // 1/m, of the medium it runs in
+    uint depth;
+};
+
+// Depth first: every level leaves at most one branch behind.
+const uint MAX_PENDING = 17u; // specular_depth is at most 16
+Branch pending[MAX_PENDING];
+uint pending_count = 0u;
+
+void push(Branch branch) {
+    if (branch.throughput != vec3(0.0) && pending_count < MAX_PENDING) pending[pending_count++] = branch;
+}
+
+// `incoming` points at the surface, which faces against it; `absorption` is that of the medium in front.
+void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 absorption, uint depth) {
+    if (depth >= scene.specular_depth) return;
+    Material material = surface.material;
+    float cos_i = clamp(-dot(surface.normal, incoming), 0.0, 1.0);
+    Split split = split_light(material, cos_i, front);
+    if (split.reflected != vec3(0.0)) {
+        vec3 direction = reflect_above(incoming, surface.normal, surface.geometric_normal);
+        push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
+                    throughput * split.reflected, absorption, depth + 1u));
+    }
+    if (GLASS && split.transmitted != vec3(0.0)) {
+        vec3 inside = is_solid(material) ? (front ? material.absorption : vec3(0.0)) : absorption;
+        push(Branch(offset_origin(surface.position, -surface.geometric_normal),
+                    transmit(material, incoming, surface.normal, front), throughput * split.transmitted, inside,
+                    depth + 1u));
+    }
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, imageSize(hits)))) return;
+    Hit hit = unpack_hit(imageLoad(hits, pixel));
+    vec3 radiance = vec3(0.0);
+    uint rays = 0u, last = NO_POINT;
+    if (hit.instance != NO_HIT) {
+        Surface surface = surface_at(hit);
+        vec3 direction = -direction_to_camera(surface.position);
+        bool front = face(surface, -direction);
+        spawn(surface, front, direction, vec3(1.0), vec3(0.0), 0u);
+    }
+    while (pending_count > 0u) {
+        Branch branch = pending[--pending_count];
+        ++rays;
+        if (!trace_closest(branch.origin, branch.direction, 0.0, 1.0 / 0.0, hit)) continue;
+        Surface surface = surface_at(hit);
+        bool front = face(surface, -branch.direction);
+        vec3 throughput = branch.throughput;
+        if (VOLUMES) throughput *= exp(-branch.absorption * distance(branch.origin, surface.position));
+        radiance += throughput * emitted_radiance(surface.material, front);
+        float cos_i = clamp(-dot(surface.normal, branch.direction), 0.0, 1.0);
+        vec3 reflected = throughput * diffuse_share(surface.material, cos_i, front) / PI;
+        if (reflected != vec3(0.0)) {
+            // Where in the list a point lies never shows: each pixel sums its own in its own order.
+            uint index = atomicAdd(list.points, 1u);
+            if (index < params.capacity) {
+                points.data[index] = Reached(receiver_at(surface), reflected, vec3(0.0), last);
+                last = index;
+            } else {
+                // In the order of light.comp.
+                vec3 irradiance = vec3(0.0);
+                for (uint first = 0u; first < scene.light_count + count.vpls; first += params.range) {
+                    for (uint part = 0u; part < PARTS; ++part) {
+                        irradiance += irradiance_part(receiver_at(surface), first, first + params.range, part, rays);
+                    }
+                }
+                radiance += reflected * irradiance;
+            }
+        }
+        spawn(surface, front, branch.direction, throughput, branch.absorption, branch.depth);
+    }
+    imageStore(out_emitted, pixel, vec4(radiance, 1.0));
+    imageStore(out_last, pixel, uvec4(last));
+    count_rays(COUNT_SPECULAR_TREE, rays);
+}

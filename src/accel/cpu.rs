@@ -1,0 +1,110 @@
+//! Brute force in 64 bits over every triangle: the oracle that the backends are tested against.
+//!
+//! Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997). Cost: one test a triangle
+//! and ray.
+
+use super::{Geometry, WorldTriangle};
+use glam::{DVec3, Vec3};
+
+/// A ray as kernels pass it to `trace_closest`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Start (m).
+    pub origin: Vec3,
+    /// Direction, of any length; `t` counts in its length.
+    pub direction: Vec3,
+    /// Hits at or before it do not count.
+    pub t_min: f32,
+    /// Hits at or beyond it do not count; may be infinite.
+    pub t_max: f32,
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Ray parameter.
+    pub t: f64,
+    /// Instance, as in [`Geometry`].
+    pub instance: u32,
+    /// Primitive, as in [`Geometry`].
+    pub primitive: u32,
+    /// Weights of the triangle's second and third vertex.
+    pub barycentrics: [f64; 2],
+}
+
+/// Where a ray meets the plane of a triangle, inside it or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// The hit it would be.
+    pub hit: Hit,
+    /// Distance (m) in the plane to the nearest edge; negative outside.
+    pub inside: f64,
+    /// |cosine| between ray and the triangle's normal.
+    pub cosine: f64,
+}
+
+/// The triangles of a scene in the world, exactly as the backends hold them. Alpha is ignored.
+#[derive(Clone, Debug)]
+pub struct BruteForce {
+    triangles: Vec<WorldTriangle>,
+}
+
+impl BruteForce {
+    /// Collects all world triangles.
+    #[must_use]
+    pub fn new(geometry: &Geometry) -> Self {
+        Self { triangles: geometry.world_triangles().collect() }
+    }
+
+    /// The triangle with these ids.
+    #[must_use]
+    pub fn triangle(&self, instance: u32, primitive: u32) -> Option<&WorldTriangle> {
+        let ids = |triangle: &WorldTriangle| (triangle.instance, triangle.primitive);
+        let index = self.triangles.binary_search_by_key(&(instance, primitive), ids).ok()?;
+        Some(&self.triangles[index])
+    }
+
+    /// The nearest hit; at equal distance that of the lowest instance and primitive.
+    #[must_use]
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        self.hits(ray).reduce(|best, hit| if hit.t < best.t { hit } else { best })
+    }
+
+    /// Whether anything is hit.
+    #[must_use]
+    pub fn any(&self, ray: &Ray) -> bool {
+        self.hits(ray).next().is_some()
+    }
+
+    fn hits<'a>(&'a self, ray: &'a Ray) -> impl Iterator<Item = Hit> + 'a {
+        let within = |t: f64| t > f64::from(ray.t_min) && t < f64::from(ray.t_max);
+        self.crossings(ray).filter(move |c| c.inside >= 0.0 && within(c.hit.t)).map(|c| c.hit)
+    }
+
+    /// Every triangle whose plane the ray's line crosses, in order of instance and primitive. Triangles
+    /// without area and triangles parallel to the ray are crossed nowhere.
+    pub fn crossings<'a>(&'a self, ray: &'a Ray) -> impl Iterator<Item = Crossing> + 'a {
+        self.triangles.iter().filter_map(|triangle| crossing(ray, triangle))
+    }
+}
+
+fn crossing(ray: &Ray, triangle: &WorldTriangle) -> Option<Crossing> {
+    let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    if determinant == 0.0 || !determinant.is_finite() {
+        return None;
+    }
+    let s = origin - a;
+    let q = s.cross(ab);
+    let v = s.dot(p) / determinant;
+    let w = direction.dot(q) / determinant;
+    let t = ac.dot(q) / determinant;
+    let doubled_area = ab.cross(ac).length();
+    let height = |edge: DVec3| doubled_area / edge.length();
+    let inside = ((1.0 - v - w) * height(c - b)).min(v * height(ac)).min(w * height(ab));
+    let hit = Hit { t, instance: triangle.instance, primitive: triangle.primitive, barycentrics: [v, w] };
+    Some(Crossing { hit, inside, cosine: determinant.abs() / (doubled_area * direction.length()) })
+}

@@ -1,0 +1,252 @@
+//! What can be said on the command line.
+
+use clap::builder::PossibleValuesParser;
+use clap::{ArgAction, Parser, Subcommand, ValueEnum};
+use parhelion::config::Method;
+use parhelion::renderer::{Aov, BackendChoice};
+use parhelion::vk::Backend;
+use std::path::PathBuf;
+
+/// Global illumination on any Vulkan device.
+#[derive(Parser)]
+#[command(version)]
+pub(super) struct Cli {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+#[derive(Subcommand)]
+pub(super) enum Command {
+    /// Render a scene to pictures.
+    Render(Box<Render>),
+    /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
+    Doctor(Doctor),
+    /// Show the render graph of a frame, without rendering it.
+    Graph(Graph),
+}
+
+#[derive(clap::Args)]
+pub(super) struct Render {
+    /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
+    pub(super) scene: Option<PathBuf>,
+    /// Picture to write, .exr (linear radiance) or .png (tone mapped); repeatable [default: SCENE.png].
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub(super) output: Vec<PathBuf>,
+    /// Width and height in pixels, each 1 to 16384 [default: 800x600].
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = size)]
+    pub(super) size: Option<[u32; 2]>,
+    /// How light is computed [default: igi].
+    #[arg(long, value_parser = methods())]
+    pub(super) method: Option<String>,
+    /// Virtual point lights: more is smoother and slower, in proportion [default: 180].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) vpls: Option<u32>,
+    /// Indirect bounces: fewer lose light [default: 3].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) bounces: Option<u32>,
+    /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = distance)]
+    pub(super) min_distance: Option<f32>,
+    /// Camera of the scene, by name or index [default: the first].
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub(super) camera: Option<String>,
+    /// Position of a camera of your own (metres).
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point, requires = "look_at", conflicts_with = "camera")]
+    pub(super) eye: Option<[f32; 3]>,
+    /// Point it looks at (metres).
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point, requires = "eye")]
+    pub(super) look_at: Option<[f32; 3]>,
+    /// Its vertical field of view (degrees) [default: 45].
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
+    pub(super) fov: Option<f32>,
+    /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
+    #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
+    pub(super) exposure: Option<String>,
+    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth.
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
+    pub(super) aov: Vec<Aov>,
+    /// What traces rays: auto chooses by device, measure by timing this scene.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) backend: BackendWord,
+    /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) pixel_samples: Option<u32>,
+    /// Which of the file's scenes [default: the file's own].
+    #[arg(long = "scene", value_name = "NAME|INDEX")]
+    pub(super) which: Option<String>,
+    /// Leave a scene without lights dark; otherwise one is put at the camera.
+    #[arg(long)]
+    pub(super) no_headlight: bool,
+    /// Settings from a file; options given here win over it.
+    #[arg(long, value_name = "FILE.toml")]
+    pub(super) config: Option<PathBuf>,
+    /// One setting by its key, such as vpl_shoot.vpls=90; repeatable, wins over --config.
+    #[arg(short = 'D', value_name = "KEY=VALUE")]
+    pub(super) define: Vec<String>,
+    /// Vulkan device [default: the best; `parhelion doctor` lists them].
+    #[arg(long, value_name = "INDEX|NAME|UUID")]
+    pub(super) device: Option<String>,
+    /// Which of the equally good sample sets [default: 0].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) seed: Option<u32>,
+    /// Render N times after one to warm up, and report medians.
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(super) repeat: Option<u32>,
+    /// Render only this part (pixels from the top left, ends exclusive), equal to the whole bit for bit.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = numbers::<u32, 4>)]
+    pub(super) crop: Option<[u32; 4]>,
+    /// Write device, scene, settings, times, rays and memory as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) stats: Option<PathBuf>,
+    /// Write a resource as a pass leaves it; repeatable (`parhelion graph` shows the names).
+    #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", value_parser = tap)]
+    pub(super) tap: Vec<(String, PathBuf)>,
+    /// Print what this scene does not need and is left out, and why.
+    #[arg(long)]
+    pub(super) explain: bool,
+    /// Print errors only.
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(super) quiet: bool,
+    /// Log more; twice for everything.
+    #[arg(short, long, action = ArgAction::Count)]
+    pub(super) verbose: u8,
+    /// How progress is shown on stderr: auto is a bar on a terminal, json one object a line.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) progress: ProgressWord,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Doctor {
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Graph {
+    /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
+    pub(super) scene: Option<PathBuf>,
+    /// Method whose frame is shown.
+    #[arg(long, value_parser = methods(), default_value = Method::default().name())]
+    pub(super) method: String,
+    /// .dot (Graphviz) or .json [default: .dot to stdout].
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub(super) output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub(super) enum BackendWord {
+    #[default]
+    Auto,
+    Measure,
+    RayQuery,
+    Software,
+}
+
+impl From<BackendWord> for BackendChoice {
+    fn from(word: BackendWord) -> Self {
+        match word {
+            BackendWord::Auto => Self::Auto,
+            BackendWord::Measure => Self::Measure,
+            BackendWord::RayQuery => Self::Force(Backend::RayQuery),
+            BackendWord::Software => Self::Force(Backend::Software),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
+pub(super) enum ProgressWord {
+    #[default]
+    Auto,
+    Bar,
+    Json,
+    None,
+}
+
+fn methods() -> PossibleValuesParser {
+    PossibleValuesParser::new(Method::ALL.iter().map(|method| method.name()))
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    parsed.ok_or_else(|| "expected WIDTHxHEIGHT, such as 800x600".into())
+}
+
+fn numbers<T: std::str::FromStr, const N: usize>(text: &str) -> Result<[T; N], String> {
+    let parsed: Option<Vec<T>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let expected = || format!("expected {N} numbers with commas between");
+    parsed.and_then(|parsed| parsed.try_into().ok()).ok_or_else(expected)
+}
+
+fn number(text: &str) -> Result<f32, String> {
+    let parsed = text.trim().parse().ok().filter(|value: &f32| value.is_finite());
+    parsed.ok_or_else(|| "expected a finite number".into())
+}
+
+fn point(text: &str) -> Result<[f32; 3], String> {
+    let point: [f32; 3] = numbers(text)?;
+    if point.iter().all(|value| value.is_finite()) {
+        Ok(point)
+    } else {
+        Err("expected finite numbers".into())
+    }
+}
+
+fn distance(text: &str) -> Result<f32, String> {
+    let value = number(text)?;
+    if value >= 0.0 { Ok(value) } else { Err("expected a distance, at least 0".into()) }
+}
+
+fn field_of_view(text: &str) -> Result<f32, String> {
+    let value = number(text)?;
+    if value > 0.0 && value < 180.0 { Ok(value) } else { Err("expected an angle between 0 and 180".into()) }
+}
+
+fn exposure(text: &str) -> Result<String, String> {
+    if text == "auto" { Ok(text.into()) } else { number(text).map(|stops| format!("{stops:?}")) }
+}
+
+fn aov(text: &str) -> Result<Aov, String> {
+    let found = Aov::ALL.into_iter().find(|aov| aov.name() == text);
+    found.ok_or_else(|| {
+        let names: Vec<_> = Aov::ALL.iter().map(|aov| aov.name()).collect();
+        format!("there are {}", names.join(", "))
+    })
+}
+
+fn tap(text: &str) -> Result<(String, PathBuf), String> {
+    let split = text.split_once('=').filter(|(tap, file)| tap.contains(':') && !file.is_empty());
+    split.map(|(tap, file)| (tap.into(), file.into())).ok_or_else(|| "expected PASS:RESOURCE=FILE.exr".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn options_are_declared_consistently() {
+        Cli::command().debug_assert();
+    }
+
+    /// Where help states a default, it is the configuration's.
+    #[test]
+    fn help_states_the_defaults_there_are() {
+        let config = parhelion::config::RenderConfig::default();
+        let mut command = Cli::command();
+        let help = command.find_subcommand_mut("render").unwrap().render_long_help().to_string();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let [width, height] = config.size;
+        for (option, default) in [
+            ("--size", format!("{width}x{height}")),
+            ("--method", config.method.name().into()),
+            ("--vpls", config.vpl_shoot.vpls.to_string()),
+            ("--bounces", config.vpl_shoot.bounces.to_string()),
+            ("--pixel-samples", config.pixel_samples.to_string()),
+            ("--seed", config.seed.to_string()),
+        ] {
+            let rest = &help[help.find(&format!("{option} <")).unwrap()..];
+            assert!(rest[..200].contains(&format!("[default: {default}]")), "{option}: {}", &rest[..200]);
+        }
+    }
+}

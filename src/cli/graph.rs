@@ -1,0 +1,31 @@
+//! `parhelion graph`.
+
+use super::{Failure, args, extension, input, load, print};
+use parhelion::config::RenderConfig;
+use parhelion::graph::Typical;
+use parhelion::{output, renderer};
+use std::io::Write;
+
+pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {
+    let kind = args.output.as_deref().map(|file| (file, extension(file)));
+    if let Some((file, kind)) = &kind {
+        if !matches!(kind.as_deref(), Some("dot" | "json")) {
+            return Err(input!("{}: a graph is written as .dot or .json", file.display()));
+        }
+        output::check_writable(file).map_err(Failure::input)?;
+    }
+    let mut config = RenderConfig::default();
+    config.apply_override(&format!("method={}", args.method))?;
+    let scene = load(args.scene.as_deref(), None)?;
+    let plan = renderer::plan(&scene, &config, &[], &Typical)?;
+    match kind {
+        None => print(&plan.dot(&[])),
+        Some((file, kind)) => {
+            let text = match kind.as_deref() {
+                Some("json") => format!("{:#}\n", plan.json(&[])),
+                _ => plan.dot(&[]),
+            };
+            Ok(output::write_file(file, |out| out.write_all(text.as_bytes()))?)
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Commands: what they are asked, what they print and how they end.
+
+mod args;
+mod doctor;
+mod graph;
+mod interrupt;
+mod progress;
+mod render;
+mod settings;
+mod stats;
+mod table;
+
+use clap::Parser;
+use parhelion::config::ConfigError;
+use parhelion::renderer;
+use parhelion::scene::{self, LoadOptions, Scene, SceneError, builtin};
+use parhelion::{output, vk};
+use std::ffi::OsStr;
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Why a command stops, and the exit code that says so.
+#[derive(Debug)]
+struct Failure {
+    code: u8,
+    error: anyhow::Error,
+}
+
+impl Failure {
+    /// What the user gave cannot be used.
+    fn input(error: impl Into<anyhow::Error>) -> Self {
+        Self { code: 2, error: error.into() }
+    }
+}
+
+/// Bad input, said in words.
+macro_rules! input {
+    ($($words:tt)*) => { $crate::cli::Failure::input(anyhow::anyhow!($($words)*)) };
+}
+use input;
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<vk::Error> for Failure {
+    fn from(error: vk::Error) -> Self {
+        Self { code: error.exit_code(), error: error.into() }
+    }
+}
+
+impl From<renderer::Error> for Failure {
+    fn from(error: renderer::Error) -> Self {
+        Self { code: error.exit_code(), error: error.into() }
+    }
+}
+
+impl From<output::Error> for Failure {
+    fn from(error: output::Error) -> Self {
+        Self { code: 1, error: error.into() }
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self { code: 1, error: error.into() }
+    }
+}
+
+pub(crate) fn main() -> ExitCode {
+    let run = || match args::Cli::parse().command {
+        args::Command::Render(args) => render::run(&args),
+        args::Command::Doctor(args) => doctor::run(&args),
+        args::Command::Graph(args) => graph::run(&args),
+    };
+    match std::panic::catch_unwind(run) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        // The panic has said what it is; 101 is no exit code of ours.
+        Err(_) => ExitCode::FAILURE,
+        Ok(Err(Failure { code, error })) => {
+            let _ = writeln!(io::stderr(), "error: {error}");
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// Prints a result; a reader that has closed the pipe has read enough.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+/// Loads the scene asked for, or the default room.
+fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
+    let default = format!("builtin:{}", builtin::DEFAULT);
+    let path = scene.unwrap_or(Path::new(&default));
+    Ok(scene::load(path, &LoadOptions { scene: which })?)
+}
+
+/// A file name's extension in lower case.
+fn extension(file: &Path) -> Option<String> {
+    file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase)
+}

@@ -1,0 +1,48 @@
+//! The configuration: a file, then assignments, then options, each winning over what came before.
+
+use super::args::Render;
+use super::{Failure, input};
+use parhelion::config::{ConfigError, RenderConfig};
+
+/// Builds and checks the configuration; errors name the option, assignment or file they come from.
+pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
+    let mut config = match &args.config {
+        Some(file) => RenderConfig::from_toml(file)?,
+        None => RenderConfig::default(),
+    };
+    for assignment in &args.define {
+        config.apply_override(assignment).map_err(|error| input!("-D {assignment}: {error}"))?;
+    }
+    let options = [
+        ("--method", "method", args.method.clone()),
+        ("--size", "size", args.size.map(|size| format!("{size:?}"))),
+        ("--seed", "seed", args.seed.map(|seed| seed.to_string())),
+        ("--pixel-samples", "pixel_samples", args.pixel_samples.map(|samples| samples.to_string())),
+        ("--crop", "crop", args.crop.map(|crop| format!("{crop:?}"))),
+        ("--vpls", "vpl_shoot.vpls", args.vpls.map(|vpls| vpls.to_string())),
+        ("--bounces", "vpl_shoot.bounces", args.bounces.map(|bounces| bounces.to_string())),
+        (
+            "--min-distance",
+            "indirect.min_distance",
+            args.min_distance.map(|distance| format!("{distance:?}")),
+        ),
+        ("--exposure", "tone_map.exposure", args.exposure.clone()),
+    ];
+    for (option, key, value) in &options {
+        if let Some(value) = value {
+            config.apply_override(&format!("{key}={value}")).map_err(|error| input!("{option}: {error}"))?;
+        }
+    }
+    config.validate().map_err(|error| {
+        let ConfigError::Value { key, problem } = &error else { return error.into() };
+        let option = options.iter().find(|(_, name, value)| name == key && value.is_some());
+        let assignment = args.define.iter().rev().find(|assignment| assignment.starts_with(key));
+        match (option, assignment, &args.config) {
+            (Some((option, ..)), ..) => input!("{option}: {problem}"),
+            (_, Some(assignment), _) => input!("-D {assignment}: {problem}"),
+            (_, _, Some(file)) => input!("{}: {error}", file.display()),
+            _ => error.into(),
+        }
+    })?;
+    Ok(config)
+}

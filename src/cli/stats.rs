@@ -1,0 +1,69 @@
+//! Numbers of a render as JSON, as `docs/stats.schema.json` describes them.
+
+use super::args::Render;
+use parhelion::config::RenderConfig;
+use parhelion::renderer::{Frame, Renderer};
+use parhelion::scene::{Camera, SceneProfile, View};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Everything measured and everything that decided it.
+pub(super) fn stats(
+    args: &Render,
+    config: &RenderConfig,
+    camera: &Camera,
+    renderer: &Renderer,
+    profile: &SceneProfile,
+    frame: &Frame,
+    outputs: &[PathBuf],
+) -> Value {
+    let scene = renderer.scene();
+    let (backend, reason) = renderer.backend();
+    let axes = camera.transform.matrix3;
+    let view = match camera.view {
+        View::Perspective { yfov } => json!({ "kind": "perspective", "yfov": yfov }),
+        View::Orthographic { ymag } => json!({ "kind": "orthographic", "ymag": ymag }),
+    };
+    json!({
+        "parhelion": env!("CARGO_PKG_VERSION"),
+        "device": renderer.device().info(),
+        "driver": renderer.device().info().driver(),
+        "backend": { "name": backend.name(), "reason": reason },
+        "scene": {
+            "name": scene.name,
+            "meshes": scene.meshes.len(),
+            "instances": scene.instances.len(),
+            "triangles": profile.triangles,
+            "materials": scene.materials.len(),
+            "images": scene.images.len(),
+            "lights": scene.lights.len(),
+            "notes": scene.notes,
+        },
+        "profile": profile,
+        "camera": {
+            "name": camera.name,
+            "eye": camera.transform.translation.to_array(),
+            "forward": (-axes.z_axis).to_array(),
+            "up": axes.y_axis.to_array(),
+            "view": view,
+        },
+        "settings": config,
+        "vpl_count": frame.vpl_count,
+        "path_count": frame.path_count,
+        "min_distance": frame.min_distance,
+        "exposure_ev": frame.exposure_ev,
+        "structures": renderer.structures().iter().map(|structure| json!({
+            "name": structure.name,
+            "primitives": structure.primitives,
+            "bytes": structure.bytes,
+            "build_ms": structure.build_ms,
+        })).collect::<Vec<_>>(),
+        "repeat": args.repeat.unwrap_or(0),
+        "passes": frame.passes,
+        "rays": frame.rays,
+        "total_ms": frame.total_ms,
+        "wall_ms": frame.wall_ms,
+        "peak_device_bytes": frame.peak_device_bytes,
+        "outputs": outputs.iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,444 @@
+//! What a render is asked for: the method, one configuration a technique, the picture's size and the seed.
+//!
+//! A file (TOML) and single assignments reach every field; a key that names none is an error with the
+//! nearest one. An optional key takes the word `auto` for its absence.
+
+use crate::techniques::{
+    indirect::IndirectConfig, tone_map::ToneMapConfig, vpl_shoot::VplShootConfig, whitted::WhittedConfig,
+};
+use serde::{Deserialize, Serialize};
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Width and height a picture may have, in pixels.
+pub const SIZE_RANGE: RangeInclusive<u32> = 1..=16384;
+
+/// How light is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Instant global illumination with virtual point lights (Keller 1997; Wald et al. 2002; Marques &
+    /// Santos 2010).
+    #[default]
+    Igi,
+}
+
+impl Method {
+    /// Every method.
+    pub const ALL: &'static [Self] = &[Self::Igi];
+
+    /// Its word on the command line, in files and in charts.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Igi => "igi",
+        }
+    }
+}
+
+/// Everything that decides a picture besides scene, camera and backend.
+///
+/// ```
+/// let mut config = parhelion::config::RenderConfig::default();
+/// config.apply_override("vpl_shoot.vpls=90")?;
+/// assert_eq!(config.vpl_shoot.vpls, 90);
+/// let error = config.apply_override("vpl_shoot.vpl=90").unwrap_err();
+/// assert_eq!(error.to_string(), "unknown key `vpl_shoot.vpl`; the nearest is `vpl_shoot.vpls`");
+/// # Ok::<(), parhelion::config::ConfigError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderConfig {
+    /// How light is computed.
+    pub method: Method,
+    /// Width and height (pixels), each 1 … 16384. Time and memory grow with their product.
+    pub size: [u32; 2],
+    /// Which of the equally good sample sets is used. Another seed is another sample of the same noise; no
+    /// bias. The same seed on the same device and backend gives the same bits.
+    pub seed: u32,
+    /// Stratified positions a pixel, 1 … 65536, averaged. One is the pixel's centre: edges are jagged and the
+    /// picture differs from an area average. Time grows in proportion.
+    pub pixel_samples: u32,
+    /// Part of the picture to render: x0, y0, x1, y1 (pixels from the top left, the ends exclusive). Absent:
+    /// all of it. The pixels are those of the whole picture, bit for bit; automatic exposure is the crop's own.
+    pub crop: Option<[u32; 4]>,
+    /// Virtual point lights.
+    pub vpl_shoot: VplShootConfig,
+    /// Direct light and specular paths.
+    pub whitted: WhittedConfig,
+    /// Indirect light.
+    pub indirect: IndirectConfig,
+    /// From radiance to a picture for a screen.
+    pub tone_map: ToneMapConfig,
+}
+
+impl Default for RenderConfig {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            size: [800, 600],
+            seed: 0,
+            pixel_samples: 1,
+            crop: None,
+            vpl_shoot: VplShootConfig::default(),
+            whitted: WhittedConfig::default(),
+            indirect: IndirectConfig::default(),
+            tone_map: ToneMapConfig::default(),
+        }
+    }
+}
+
+/// Why a configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: {source}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Something in the file is wrong.
+    #[error("{}: {problem}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, with key or line.
+        problem: String,
+    },
+    /// An assignment is not of the form KEY=VALUE.
+    #[error("`{0}` is not of the form KEY=VALUE")]
+    Assignment(String),
+    /// No field has this name.
+    #[error("unknown key `{key}`; the nearest is `{nearest}`")]
+    UnknownKey {
+        /// The key as given.
+        key: String,
+        /// The key most like it.
+        nearest: String,
+    },
+    /// A value of the wrong type or outside its range.
+    #[error("{key}: {problem}")]
+    Value {
+        /// The field.
+        key: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+impl RenderConfig {
+    /// Reads a TOML file; keys that it does not name keep their defaults. Ranges are [`Self::validate`]'s.
+    ///
+    /// # Errors
+    /// The file cannot be read or is not TOML, an unknown key, a value of the wrong type.
+    pub fn from_toml(file: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(file)
+            .map_err(|source| ConfigError::Read { file: file.into(), source })?;
+        let fail = |problem: String| ConfigError::File { file: file.into(), problem };
+        let mut table: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;
+        check_keys(&mut table).map_err(|error| fail(error.to_string()))?;
+        Self::deserialize(Value::Table(table)).map_err(|error| fail(one_line(&error)))
+    }
+
+    /// Carries out one assignment, `vpl_shoot.vpls=90`. The value is written as in TOML; strings need no quotes.
+    ///
+    /// # Errors
+    /// Not an assignment, an unknown key, a value of the wrong type.
+    pub fn apply_override(&mut self, assignment: &str) -> Result<(), ConfigError> {
+        let (key, value) =
+            assignment.split_once('=').ok_or_else(|| ConfigError::Assignment(assignment.into()))?;
+        let (key, value) = (key.trim(), value.trim());
+        let value = value.parse::<Value>().unwrap_or_else(|_| Value::String(value.into()));
+        let mut parts = key.rsplit('.');
+        let mut change = Table::from_iter([(parts.next().unwrap_or_default().to_owned(), value)]);
+        for group in parts {
+            change = Table::from_iter([(group.to_owned(), Value::Table(change))]);
+        }
+        let removed = check_keys(&mut change)?;
+        let fail = |error: &dyn Display| ConfigError::Value { key: key.into(), problem: one_line(error) };
+        let mut table = Table::try_from(&*self).map_err(|error| fail(&error))?;
+        merge(&mut table, change);
+        for path in removed {
+            remove(&mut table, &path);
+        }
+        *self = Self::deserialize(Value::Table(table)).map_err(|error| fail(&error.message()))?;
+        Ok(())
+    }
+
+    /// Checks every range its fields' documentation states.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] for the first field outside its range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let [width, height] = self.size;
+        within("size", width, SIZE_RANGE)?;
+        within("size", height, SIZE_RANGE)?;
+        within("pixel_samples", self.pixel_samples, 1..=65536)?;
+        if let Some([x0, y0, x1, y1]) = self.crop
+            && !(x0 < x1 && x1 <= width && y0 < y1 && y1 <= height)
+        {
+            let problem = format!("{x0},{y0},{x1},{y1} is empty or not inside a picture of {width}x{height}");
+            return Err(ConfigError::Value { key: "crop".into(), problem });
+        }
+        within("vpl_shoot.vpls", self.vpl_shoot.vpls, 1..=1 << 24)?;
+        within("vpl_shoot.bounces", self.vpl_shoot.bounces, 1..=32)?;
+        within("whitted.specular_depth", self.whitted.specular_depth, 0..=16)?;
+        within("whitted.mirror_roughness", self.whitted.mirror_roughness, 0.0..=1.0)?;
+        if let Some(distance) = self.indirect.min_distance
+            && !(distance.is_finite() && distance >= 0.0)
+        {
+            let problem = format!("{distance} is not a distance (finite, at least 0)");
+            return Err(ConfigError::Value { key: "indirect.min_distance".into(), problem });
+        }
+        if let Some(stops) = self.tone_map.exposure {
+            within("tone_map.exposure", stops, -64.0..=64.0)?;
+        }
+        Ok(())
+    }
+
+    /// The part of the picture that is rendered: x0, y0, x1, y1 (pixels, ends exclusive).
+    #[must_use]
+    pub fn window(&self) -> [u32; 4] {
+        self.crop.unwrap_or([0, 0, self.size[0], self.size[1]])
+    }
+}
+
+fn within<T: PartialOrd + Display>(key: &str, value: T, range: RangeInclusive<T>) -> Result<(), ConfigError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let problem = format!("{value} is not within {} … {}", range.start(), range.end());
+    Err(ConfigError::Value { key: key.into(), problem })
+}
+
+/// Every key as a path, with whether it is optional; groups come before their members.
+fn known_keys() -> Vec<(String, bool)> {
+    fn walk(prefix: &str, value: &serde_json::Value, keys: &mut Vec<(String, bool)>) {
+        for (name, value) in value.as_object().into_iter().flatten() {
+            let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+            keys.push((path.clone(), value.is_null()));
+            walk(&path, value, keys);
+        }
+    }
+    let defaults = serde_json::to_value(RenderConfig::default()).unwrap_or_default();
+    let mut keys = Vec::new();
+    walk("", &defaults, &mut keys);
+    keys
+}
+
+/// Refuses unknown keys; takes out optional keys set to `auto` and returns their paths.
+fn check_keys(table: &mut Table) -> Result<Vec<String>, ConfigError> {
+    fn walk(
+        prefix: &str,
+        table: &mut Table,
+        known: &[(String, bool)],
+        removed: &mut Vec<String>,
+    ) -> Result<(), ConfigError> {
+        let names: Vec<String> = table.keys().cloned().collect();
+        for name in names {
+            let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+            let Some((_, optional)) = known.iter().find(|(key, _)| *key == path) else {
+                return Err(ConfigError::UnknownKey { nearest: nearest_key(&path, known), key: path });
+            };
+            if *optional && table[&name].as_str() == Some("auto") {
+                table.remove(&name);
+                removed.push(path);
+            } else if known.iter().any(|(key, _)| key.starts_with(&format!("{path}.")))
+                && let Some(inner) = table[&name].as_table_mut()
+            {
+                walk(&path, inner, known, removed)?;
+            }
+        }
+        Ok(())
+    }
+    let mut removed = Vec::new();
+    walk("", table, &known_keys(), &mut removed)?;
+    Ok(removed)
+}
+
+fn nearest_key(key: &str, known: &[(String, bool)]) -> String {
+    fn last(path: &str) -> &str {
+        path.rsplit('.').next().unwrap_or_default()
+    }
+    // A key without its group is the likeliest mistake, so the last parts alone count as much as the whole.
+    let likeness =
+        |name: &str| strsim::jaro_winkler(key, name).max(strsim::jaro_winkler(last(key), last(name)));
+    let names = known.iter().map(|(name, _)| name.as_str());
+    names.max_by(|a, b| likeness(a).total_cmp(&likeness(b))).unwrap_or_default().to_owned()
+}
+
+fn merge(table: &mut Table, change: Table) {
+    for (key, value) in change {
+        match (table.get_mut(&key), value) {
+            (Some(Value::Table(inner)), Value::Table(change)) => merge(inner, change),
+            (_, value) => drop(table.insert(key, value)),
+        }
+    }
+}
+
+fn remove(table: &mut Table, path: &str) {
+    match path.split_once('.') {
+        None => drop(table.remove(path)),
+        Some((group, rest)) => {
+            if let Some(inner) = table.get_mut(group).and_then(Value::as_table_mut) {
+                remove(inner, rest);
+            }
+        }
+    }
+}
+
+fn syntax(text: &str, error: &toml::de::Error) -> String {
+    let line = error.span().map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1);
+    match line {
+        Some(line) => format!("line {line}: {}", error.message()),
+        None => error.message().to_owned(),
+    }
+}
+
+fn one_line(error: &dyn Display) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(assignment: &str) -> Result<RenderConfig, ConfigError> {
+        let mut config = RenderConfig::default();
+        config.apply_override(assignment).map(|()| config)
+    }
+
+    fn file(text: &str) -> Result<RenderConfig, ConfigError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.toml");
+        std::fs::write(&path, text).unwrap();
+        RenderConfig::from_toml(&path)
+    }
+
+    #[test]
+    fn every_method_is_in_the_registry() {
+        let words: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
+        let registry: Vec<_> = crate::methods::REGISTRY.iter().map(|method| method.name).collect();
+        assert_eq!(words, registry);
+        for word in words {
+            assert_eq!(with(&format!("method={word}")).unwrap().method.name(), word);
+        }
+    }
+
+    #[test]
+    fn defaults_are_the_papers_and_valid() {
+        let config = RenderConfig::default();
+        config.validate().unwrap();
+        assert_eq!((config.size, config.vpl_shoot.vpls), ([800, 600], 180));
+    }
+
+    /// Every leaf can be set both ways, and the two ways agree.
+    #[test]
+    fn file_and_assignment_reach_every_field() {
+        let values = [
+            ("method", "\"igi\""),
+            ("size", "[64, 48]"),
+            ("seed", "7"),
+            ("pixel_samples", "4"),
+            ("crop", "[1, 2, 3, 4]"),
+            ("vpl_shoot.vpls", "90"),
+            ("vpl_shoot.bounces", "2"),
+            ("whitted.specular_depth", "1"),
+            ("whitted.mirror_roughness", "0.25"),
+            ("indirect.min_distance", "0.5"),
+            ("tone_map.exposure", "-1.5"),
+        ];
+        let keys = known_keys();
+        let leaves =
+            keys.iter().filter(|(key, _)| !keys.iter().any(|(k, _)| k.starts_with(&format!("{key}."))));
+        for (key, _) in leaves {
+            let (_, value) =
+                values.iter().find(|(k, _)| k == key).unwrap_or_else(|| panic!("{key} is untested"));
+            let assigned = with(&format!("{key}={value}")).unwrap();
+            assert_eq!(assigned, file(&format!("{key} = {value}\n")).unwrap(), "{key}");
+            assert!(key == "method" || assigned != RenderConfig::default(), "{key}");
+        }
+    }
+
+    #[test]
+    fn strings_need_no_quotes_and_whole_numbers_are_numbers() {
+        assert_eq!(with("method=igi").unwrap(), RenderConfig::default());
+        assert_eq!(with("indirect.min_distance = 1").unwrap().indirect.min_distance, Some(1.0));
+    }
+
+    #[test]
+    fn auto_takes_an_optional_key_back() {
+        let mut config = with("tone_map.exposure=2").unwrap();
+        config.apply_override("tone_map.exposure=auto").unwrap();
+        assert_eq!(config, RenderConfig::default());
+        assert_eq!(file("tone_map.exposure = \"auto\"").unwrap(), RenderConfig::default());
+        assert!(with("seed=auto").is_err(), "a key that is always there has no `auto`");
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest() {
+        for (key, nearest) in [
+            ("vpls", "vpl_shoot.vpls"),
+            ("vpl_shoot.vlps", "vpl_shoot.vpls"),
+            ("bounce", "vpl_shoot.bounces"),
+            ("tonemap", "tone_map"),
+            ("sede", "seed"),
+        ] {
+            let expected = format!("unknown key `{key}`; the nearest is `{nearest}`");
+            assert_eq!(with(&format!("{key}=1")).unwrap_err().to_string(), expected);
+            assert!(file(&format!("{key} = 1")).unwrap_err().to_string().ends_with(&expected));
+        }
+        assert!(with("seed.low=1").is_err(), "a field has no members");
+    }
+
+    #[test]
+    fn wrong_types_name_the_key() {
+        let error = with("vpl_shoot.vpls=many").unwrap_err().to_string();
+        assert!(error.starts_with("vpl_shoot.vpls: ") && error.contains("many"), "{error}");
+        let error = file("[vpl_shoot]\nvpls = -1\n").unwrap_err().to_string();
+        assert!(error.contains("settings.toml") && error.contains("vpl_shoot.vpls"), "{error}");
+        let error = file("seed = 1\nsize = [").unwrap_err().to_string();
+        assert!(error.contains("line 2"), "{error}");
+        assert!(matches!(with("seed").unwrap_err(), ConfigError::Assignment(_)));
+        let missing = RenderConfig::from_toml(Path::new("/nonexistent/x.toml")).unwrap_err();
+        assert!(missing.to_string().starts_with("/nonexistent/x.toml: "));
+    }
+
+    #[test]
+    fn values_outside_their_ranges_are_refused_by_name() {
+        for (assignment, key) in [
+            ("size=[0,1]", "size"),
+            ("size=[1,16385]", "size"),
+            ("pixel_samples=0", "pixel_samples"),
+            ("crop=[0,0,0,1]", "crop"),
+            ("crop=[0,0,801,1]", "crop"),
+            ("crop=[0,5,1,5]", "crop"),
+            ("vpl_shoot.vpls=0", "vpl_shoot.vpls"),
+            ("vpl_shoot.vpls=16777217", "vpl_shoot.vpls"),
+            ("vpl_shoot.bounces=33", "vpl_shoot.bounces"),
+            ("whitted.specular_depth=17", "whitted.specular_depth"),
+            ("whitted.mirror_roughness=1.5", "whitted.mirror_roughness"),
+            ("whitted.mirror_roughness=nan", "whitted.mirror_roughness"),
+            ("indirect.min_distance=-0.1", "indirect.min_distance"),
+            ("indirect.min_distance=inf", "indirect.min_distance"),
+            ("indirect.min_distance=1e300", "indirect.min_distance"),
+            ("tone_map.exposure=nan", "tone_map.exposure"),
+            ("tone_map.exposure=65", "tone_map.exposure"),
+        ] {
+            let config = with(assignment).unwrap();
+            match config.validate() {
+                Err(ConfigError::Value { key: named, .. }) => assert_eq!(named, key),
+                other => panic!("{assignment}: {other:?}"),
+            }
+        }
+        for assignment in
+            ["size=[16384,1]", "crop=[0,0,800,600]", "vpl_shoot.vpls=16777216", "tone_map.exposure=-3"]
+        {
+            with(assignment).unwrap().validate().unwrap();
+        }
+    }
+}

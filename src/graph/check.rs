@@ -1,0 +1,185 @@
+//! The oracle: proves a plan right from its passes, placements and barriers alone, without the planner's
+//! bookkeeping, in quadratic time.
+
+use super::{
+    Desc, Stages,
+    plan::{Barrier, Placement, Plan, PlannedAccess},
+};
+
+/// What a plan does wrong.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Violation {
+    /// Two passes touch the same memory, one of them writes, and nothing orders them or makes the write seen.
+    #[error(
+        "pass `{second}` touches `{later}` without waiting for pass `{first}`, which touches `{earlier}`"
+    )]
+    Unordered {
+        /// Path of the earlier pass.
+        first: String,
+        /// Path of the later pass.
+        second: String,
+        /// The earlier pass's resource.
+        earlier: String,
+        /// The later pass's resource: the same, or one in the same memory.
+        later: String,
+    },
+    /// Two transients in use at the same time share memory.
+    #[error("`{first}` and `{second}` are in use at the same time and share memory")]
+    Clobbered {
+        /// One resource.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A transient has no memory, or lies outside its heap.
+    #[error("`{resource}` has no memory")]
+    Unplaced {
+        /// The resource.
+        resource: String,
+    },
+    /// A transient is read before it is written.
+    #[error("pass `{pass}` reads `{resource}`, which nothing has written")]
+    Unwritten {
+        /// Path of the pass.
+        pass: String,
+        /// The resource.
+        resource: String,
+    },
+    /// An image's layout is not set at its first use, or is set elsewhere.
+    #[error("image `{resource}` is {} in pass `{pass}`", if *.missing { "not initialised" } else { "initialised wrongly" })]
+    Layout {
+        /// Path of the pass.
+        pass: String,
+        /// The image.
+        resource: String,
+        /// Whether it should have been set here.
+        missing: bool,
+    },
+}
+
+/// Proves that every two accesses to the same memory of which one writes are ordered, that what is read has
+/// been made visible, that no transient in use is overwritten by another, and that every transient is
+/// written, and every image initialised, before it is read.
+///
+/// # Errors
+/// The first violation.
+pub fn check(plan: &Plan) -> Result<(), Violation> {
+    check_lives(plan)?;
+    check_layouts(plan)?;
+    for first in 0..plan.passes.len() {
+        for access in &plan.passes[first].accesses {
+            for bit in access.stages.bits() {
+                check_from(plan, first, access, Stages::bit(bit))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The first and last pass that touches a resource.
+fn life(plan: &Plan, resource: usize) -> Option<[usize; 2]> {
+    let touches = |&p: &usize| plan.passes[p].accesses.iter().any(|a| a.resource == resource);
+    let first = (0..plan.passes.len()).find(touches)?;
+    let last = (0..plan.passes.len()).rfind(touches)?;
+    Some([first, last])
+}
+
+fn check_lives(plan: &Plan) -> Result<(), Violation> {
+    let mut lives: Vec<(String, [usize; 2], Placement)> = Vec::new();
+    for (index, resource) in plan.resources.iter().enumerate().filter(|(_, r)| !r.imported) {
+        let Some([first, last]) = life(plan, index) else { continue };
+        let name = || resource.name.clone();
+        let placement = resource
+            .placement
+            .filter(|p| p.size >= resource.desc.bytes() && p.offset + p.size <= plan.heaps[p.heap].size)
+            .ok_or_else(|| Violation::Unplaced { resource: name() })?;
+        let pass = &plan.passes[first];
+        if pass.accesses.iter().any(|a| a.resource == index && a.reads) {
+            return Err(Violation::Unwritten { pass: pass.path.clone(), resource: name() });
+        }
+        for (other, [from, to], there) in &lives {
+            if placement.overlaps(there) && first <= *to && *from <= last {
+                return Err(Violation::Clobbered { first: other.clone(), second: name() });
+            }
+        }
+        lives.push((name(), [first, last], placement));
+    }
+    Ok(())
+}
+
+fn check_layouts(plan: &Plan) -> Result<(), Violation> {
+    let first_use = |image: usize, p: usize| {
+        let resource = &plan.resources[image];
+        matches!(resource.desc, Desc::Image(_))
+            && !resource.imported
+            && life(plan, image).is_some_and(|[first, _]| first == p)
+    };
+    for (p, pass) in plan.passes.iter().enumerate() {
+        let none = Barrier::default();
+        let barrier = pass.barrier.as_ref().unwrap_or(&none);
+        let wrong = |image: usize, missing: bool| Violation::Layout {
+            pass: pass.path.clone(),
+            resource: plan.resources[image].name.clone(),
+            missing,
+        };
+        if let Some(&image) = barrier.initialise.iter().find(|&&image| !first_use(image, p)) {
+            return Err(wrong(image, false));
+        }
+        for access in pass.accesses.iter().filter(|a| first_use(a.resource, p)) {
+            if !barrier.initialise.contains(&access.resource) || !barrier.after.contains(access.stages) {
+                return Err(wrong(access.resource, true));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Follows one access by one stage through all later barriers, in the terms of the specification: a barrier
+/// orders what its first scope holds, or what an earlier barrier ordered before a stage of its first scope;
+/// a write is available once a memory barrier names its stage, and visible to the second scope of that or
+/// any later memory barrier in the chain.
+fn check_from(plan: &Plan, first: usize, access: &PlannedAccess, stage: Stages) -> Result<(), Violation> {
+    let mut ordered = Stages::NONE;
+    let mut available = !access.writes;
+    let mut visible = Stages::NONE;
+    let memory = |r: usize| plan.resources[r].placement;
+    let shares = |r: usize| {
+        r == access.resource || memory(r).zip(memory(access.resource)).is_some_and(|(a, b)| a.overlaps(&b))
+    };
+    for pass in &plan.passes[first + 1..] {
+        let unordered = |later: usize| Violation::Unordered {
+            first: plan.passes[first].path.clone(),
+            second: pass.path.clone(),
+            earlier: plan.resources[access.resource].name.clone(),
+            later: plan.resources[later].name.clone(),
+        };
+        if let Some(barrier) = &pass.barrier {
+            let named = barrier.before.contains(stage);
+            let chained = named || barrier.before.intersects(ordered);
+            available |= named && barrier.memory;
+            // The change of layout happens between the two scopes.
+            for &image in barrier.initialise.iter().filter(|&&image| shares(image)) {
+                if !chained || !available {
+                    return Err(unordered(image));
+                }
+            }
+            if chained {
+                ordered |= barrier.after;
+                if available && barrier.memory {
+                    visible |= barrier.after;
+                }
+            }
+        }
+        for later in pass.accesses.iter().filter(|later| shares(later.resource)) {
+            let sees = access.writes && later.reads && later.resource == access.resource;
+            let conflict = access.writes || later.writes;
+            if conflict && !(available && ordered.contains(later.stages))
+                || sees && !visible.contains(later.stages)
+            {
+                return Err(unordered(later.resource));
+            }
+        }
+    }
+    Ok(())
+}

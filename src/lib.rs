@@ -1,0 +1,35 @@
+//! Parhelion renders global illumination with virtual point lights on any Vulkan device.
+
+// Gives programs that use this library what the linker needs beside shaderc itself.
+#[cfg(feature = "compile")]
+extern crate shaderc_link as _;
+
+pub mod accel;
+#[cfg(feature = "compile")]
+mod compile;
+pub mod config;
+#[allow(unsafe_code)]
+pub mod graph;
+pub mod methods;
+pub mod metrics;
+pub mod output;
+#[cfg(feature = "compile")]
+mod reflect;
+pub mod renderer;
+pub mod sampling;
+pub mod scene;
+pub mod shaders;
+pub mod techniques;
+#[allow(unsafe_code)]
+pub mod vk;
+
+#[cfg(feature = "compile")]
+pub use compile::CompileError;
+
+// Unit and integration tests share one set of helpers, which names the crate as the latter do.
+#[cfg(test)]
+extern crate self as parhelion;
+
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;

@@ -1,0 +1,56 @@
+//! Methods: ordered lists of techniques, nothing else.
+
+pub mod igi;
+
+use crate::config::RenderConfig;
+use crate::graph::{Buffer, Graph, Image, Res};
+use crate::techniques::{Kernels, gbuffer::GBuffer};
+
+/// What a method draws. All images are of the window's size.
+#[derive(Clone, Copy, Debug)]
+pub struct Layers {
+    /// Radiance of everything together.
+    pub beauty: Res<Image>,
+    /// Primary hits.
+    pub gbuffer: GBuffer,
+    /// Radiance by emission and direct light.
+    pub direct: Res<Image>,
+    /// Radiance through mirrors and glass, where there are any.
+    pub specular: Option<Res<Image>>,
+    /// Indirect irradiance (W/m²).
+    pub irradiance: Res<Image>,
+    /// VPLs that exist.
+    pub vpl_count: Res<Buffer>,
+}
+
+/// What a method needs to know beside its configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameInfo {
+    /// Pixels of the window rendered.
+    pub extent: [u32; 2],
+    /// The scene's surface (m²).
+    pub area: f32,
+}
+
+/// A way to render.
+#[derive(Clone, Copy, Debug)]
+pub struct Method {
+    /// Its word everywhere.
+    pub name: &'static str,
+    /// One line for help texts.
+    pub about: &'static str,
+    /// Records one frame.
+    pub record: fn(&mut Graph<'_>, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
+}
+
+/// All methods there are.
+pub const REGISTRY: &[Method] = &[igi::METHOD];
+
+/// The method called `name`.
+///
+/// # Panics
+/// If there is none: configurations only hold names of the registry.
+#[must_use]
+pub fn named(name: &str) -> &'static Method {
+    REGISTRY.iter().find(|method| method.name == name).expect("configurations name methods of the registry")
+}

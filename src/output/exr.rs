@@ -1,0 +1,157 @@
+use super::{Error, write_file};
+use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
+use exr::math::Vec2;
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::prelude::{Compression, WritableImage};
+use std::io;
+use std::path::Path;
+
+/// Linear data for an OpenEXR file of one part.
+#[derive(Clone, Debug)]
+pub struct Picture<'a> {
+    /// Width and height of the whole picture (pixels): the display window.
+    pub size: [u32; 2],
+    /// The part that is there, x0, y0, x1, y1 (pixels, ends exclusive): the data window.
+    pub window: [u32; 4],
+    /// All channels of the part.
+    pub channels: Vec<Channels<'a>>,
+    /// Attributes; names are at most 31 bytes, for readers that know no longer ones.
+    pub attributes: Vec<(&'static str, Attribute)>,
+}
+
+/// Channels that lie interleaved in memory.
+#[derive(Clone, Debug)]
+pub struct Channels<'a> {
+    /// Full names, in order: `albedo.R`, `albedo.G`, `albedo.B`.
+    pub names: Vec<String>,
+    /// Rows from the top, `names.len()` numbers a pixel of the window.
+    pub data: &'a [f32],
+}
+
+/// Value of an attribute.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Attribute {
+    /// UTF-8.
+    Text(String),
+    /// A number.
+    Number(f64),
+}
+
+/// Writes 32-bit floats with ZIP compression and Rec. 709 chromaticities.
+///
+/// # Errors
+/// The file cannot be written, or a channel does not fill the window.
+pub fn write_exr(file: &Path, picture: &Picture<'_>) -> Result<(), Error> {
+    let [x0, y0, x1, y1] = picture.window;
+    let size = Vec2(x1.saturating_sub(x0) as usize, y1.saturating_sub(y0) as usize);
+    let display = Vec2(picture.size[0] as usize, picture.size[1] as usize);
+    let position = (i32::try_from(x0), i32::try_from(y0));
+
+    write_file(file, |out| {
+        let mut channels = Vec::new();
+        for Channels { names, data } in &picture.channels {
+            if data.len() != size.area() * names.len() {
+                return Err(io::Error::other(format!(
+                    "channels {} do not fill the window",
+                    names.join(", ")
+                )));
+            }
+            channels.extend(names.iter().enumerate().map(|(index, name)| {
+                let samples = data.iter().skip(index).step_by(names.len()).copied().collect();
+                AnyChannel::new(text(name), FlatSamples::F32(samples))
+            }));
+        }
+        let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions(display));
+        attributes.chromaticities = Some(Chromaticities {
+            red: Vec2(0.64, 0.33),
+            green: Vec2(0.3, 0.6),
+            blue: Vec2(0.15, 0.06),
+            white: Vec2(0.3127, 0.329),
+        });
+        let (Ok(x), Ok(y)) = position else { return Err(io::Error::other("the window is too far out")) };
+        let mut layer = LayerAttributes { layer_position: Vec2(x, y), ..LayerAttributes::default() };
+        layer.other = picture
+            .attributes
+            .iter()
+            .map(|(name, value)| {
+                let value = match value {
+                    Attribute::Text(value) => AttributeValue::Text(text(value)),
+                    Attribute::Number(value) => AttributeValue::F64(*value),
+                };
+                (text(name), value)
+            })
+            .collect();
+        let encoding = Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        let layer = Layer::new(size, layer, encoding, AnyChannels::sort(channels.into()));
+        let image = Image { attributes, layer_data: layer };
+        image.write().to_buffered(out).map_err(|error| match error {
+            exr::error::Error::Io(error) => error,
+            other => io::Error::other(other.to_string()),
+        })
+    })
+}
+
+/// OpenEXR's strings are bytes; UTF-8 passes through.
+fn text(text: &str) -> Text {
+    Text::from_slice_unchecked(text.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::prelude::{ReadChannels, ReadLayers, read};
+
+    #[test]
+    fn channels_windows_and_attributes_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.exr");
+        let beauty: Vec<f32> = (0..18).map(|v| v as f32 * 1e5).collect();
+        let depth: Vec<f32> = (0..6).map(|v| -(v as f32)).collect();
+        let picture = Picture {
+            size: [8, 6],
+            window: [2, 1, 5, 3],
+            channels: vec![
+                Channels { names: ["R", "G", "B"].map(String::from).into(), data: &beauty },
+                Channels { names: vec!["Z".into()], data: &depth },
+            ],
+            attributes: vec![
+                ("parhelion:scene", Attribute::Text("Büro".into())),
+                ("parhelion:seed", Attribute::Number(7.0)),
+            ],
+        };
+        write_exr(&file, &picture).unwrap();
+
+        let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+        let image = image.all_attributes().from_file(&file).unwrap();
+        let layer = &image.layer_data;
+        assert_eq!(image.attributes.display_window, IntegerBounds::from_dimensions(Vec2(8, 6)));
+        assert_eq!((layer.attributes.layer_position, layer.size), (Vec2(2, 1), Vec2(3, 2)));
+        assert!(layer.attributes.layer_name.is_none());
+        assert_eq!(image.attributes.chromaticities.unwrap().green, Vec2(0.3, 0.6));
+        let other = &layer.attributes.other;
+        assert_eq!(other[&text("parhelion:scene")], AttributeValue::Text(text("Büro")));
+        assert_eq!(other[&text("parhelion:seed")], AttributeValue::F64(7.0));
+        let channel = |name: &str| {
+            let found = layer.channel_data.list.iter().find(|c| c.name == text(name)).unwrap();
+            found.sample_data.values_as_f32().collect::<Vec<_>>()
+        };
+        assert_eq!(channel("Z"), depth);
+        for (index, name) in ["R", "G", "B"].iter().enumerate() {
+            assert_eq!(channel(name), beauty.iter().skip(index).step_by(3).copied().collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn data_must_fill_the_window() {
+        let folder = tempfile::tempdir().unwrap();
+        let channels = vec![Channels { names: vec!["Z".into()], data: &[0.0; 5] }];
+        let picture = Picture { size: [3, 2], window: [0, 0, 3, 2], channels, attributes: Vec::new() };
+        assert!(write_exr(&folder.path().join("a.exr"), &picture).is_err());
+        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none());
+    }
+}

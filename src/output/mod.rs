@@ -1,0 +1,22 @@
+//! Pictures and numbers as files. Every file is written beside its place and renamed when complete, so that
+//! no reader ever sees half of one.
+
+mod exr;
+mod file;
+mod png;
+
+pub use exr::{Attribute, Channels, Picture, write_exr};
+pub use file::{check_writable, discard_unfinished, write_file};
+pub use png::write_png;
+
+use std::path::PathBuf;
+
+/// A file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", file.display())]
+pub struct Error {
+    /// The file.
+    pub file: PathBuf,
+    /// What went wrong.
+    pub source: std::io::Error,
+}

@@ -1,0 +1,713 @@
+//! From a scene and a configuration to a picture: owns the scene on the device, the structure rays are traced
+//! in and the caches that frames share. A frame is a graph built anew, submitted and read back.
+
+use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
+use crate::config::RenderConfig;
+use crate::graph::{
+    self, Desc, Executor, Graph, Image, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap, Ticket,
+};
+use crate::methods::{self, FrameInfo};
+use crate::sampling::pixel_offset;
+use crate::scene::gpu::GpuScene;
+use crate::scene::{Camera, Light, Scene, SceneError, SceneProfile, View};
+use crate::shaders;
+use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, tone_map};
+use crate::vk::{self, DeviceKind, MemoryKind};
+use crate::vk::{Backend, Format};
+use glam::Vec2;
+use std::collections::HashMap;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+mod choice;
+
+pub use choice::{Timing, cached_timing};
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The device or its driver.
+    #[error(transparent)]
+    Vulkan(#[from] vk::Error),
+    /// The frame's graph: a wrong tap, or a limit of the device passed.
+    #[error(transparent)]
+    Graph(#[from] graph::Error),
+    /// The structure rays are traced in.
+    #[error(transparent)]
+    Structure(#[from] accel::Error),
+    /// The scene's own parts do not fit together.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The configuration.
+    #[error(transparent)]
+    Config(#[from] crate::config::ConfigError),
+    /// The backend asked for does not exist on the device.
+    #[error("device {device} has no ray query (VK_KHR_ray_query); use --backend software or auto")]
+    NoRayQuery {
+        /// The device's name.
+        device: String,
+    },
+    /// Stopped by the caller.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+impl Error {
+    /// The process's exit code for this error: 2 bad input, 3 no suitable device, 75 device lost or out of
+    /// memory, 130 interrupted, 1 anything else.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Vulkan(error) => error.exit_code(),
+            Self::Graph(graph::Error::Vulkan(error)) => error.exit_code(),
+            Self::Graph(graph::Error::Cancelled) | Self::Cancelled => 130,
+            Self::Graph(graph::Error::Declaration(_)) | Self::Scene(_) | Self::Config(_) => 2,
+            Self::NoRayQuery { .. } => 3,
+            Self::Structure(error) => error.exit_code(),
+            Self::Graph(_) => 1,
+        }
+    }
+}
+
+/// Which backend to trace rays with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BackendChoice {
+    /// Software on CPU devices and where ray query is missing; elsewhere the faster one on a built-in scene,
+    /// timed once for each device and driver.
+    #[default]
+    Auto,
+    /// The faster one on the scene at hand.
+    Measure,
+    /// This one.
+    Force(Backend),
+}
+
+/// How a renderer is made.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RendererOptions {
+    /// Which backend to trace rays with.
+    pub backend: BackendChoice,
+}
+
+/// What to bring back beside the picture, and how to report on the way.
+#[derive(Clone, Copy, Default)]
+pub struct FrameRequest<'a> {
+    /// Further layers.
+    pub aovs: &'a [Aov],
+    /// Resources as passes left them, each `PASS:RESOURCE`; of the last pixel sample.
+    pub taps: &'a [String],
+    /// 0: render once. N: render once to warm up, then N times, and report medians.
+    pub repeat: u32,
+    /// Set to stop between submits.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Told what is being done.
+    pub progress: Option<&'a dyn Fn(Progress<'_>)>,
+}
+
+/// How far a render has come.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// Path of the pass at work.
+    pub pass: &'a str,
+    /// Share of the whole render, 0 … 1.
+    pub done: f64,
+}
+
+/// A layer beside beauty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Diffuse albedo that irradiance is multiplied with, 3 channels.
+    Albedo,
+    /// Unit shading normal in the world, turned to the camera, 3 channels.
+    N,
+    /// Position in the world (m), 3 channels.
+    P,
+    /// Radiance by emission and direct light, 3 channels.
+    Direct,
+    /// Radiance through mirrors and glass, 3 channels.
+    Specular,
+    /// Radiance by indirect light, 3 channels.
+    Indirect,
+    /// Indirect irradiance (W/m²), 3 channels.
+    Irradiance,
+    /// Distance along the viewing direction (m), 1 channel.
+    Depth,
+}
+
+impl Aov {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Albedo,
+        Self::N,
+        Self::P,
+        Self::Direct,
+        Self::Specular,
+        Self::Indirect,
+        Self::Irradiance,
+        Self::Depth,
+    ];
+
+    /// Its word on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Albedo => "albedo",
+            Self::N => "N",
+            Self::P => "P",
+            Self::Direct => "direct",
+            Self::Specular => "specular",
+            Self::Indirect => "indirect",
+            Self::Irradiance => "irradiance",
+            Self::Depth => "depth",
+        }
+    }
+
+    /// Channels of the layer.
+    #[must_use]
+    pub fn channels(self) -> usize {
+        if self == Self::Depth { 1 } else { 3 }
+    }
+}
+
+/// Numbers in rows, the top one first, channels interleaved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Numbers a pixel.
+    pub channels: usize,
+    /// `width · height · channels` numbers.
+    pub data: Vec<f32>,
+}
+
+/// What a pass took and traced.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PassStats {
+    /// Path in the graph.
+    pub path: String,
+    /// Milliseconds on the device: median over repeats of the sum over pixel samples. Absent where the device
+    /// has no timestamps.
+    pub ms: Option<f64>,
+    /// Rays traced, for passes that trace any.
+    pub rays: Option<u64>,
+}
+
+/// A finished picture.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Radiance (W/(sr·m²)), linear Rec. 709.
+    pub beauty: Layer,
+    /// Tone-mapped sRGB, RGBA.
+    pub display: Vec<u8>,
+    /// Exposure that `display` was given, in stops.
+    pub exposure_ev: f32,
+    /// The layers asked for.
+    pub aovs: Vec<(Aov, Layer)>,
+    /// The taps asked for.
+    pub taps: Vec<(String, Layer)>,
+    /// Passes in order of execution, downloads left out.
+    pub passes: Vec<PassStats>,
+    /// Milliseconds on the device: median over repeats of the sum over passes.
+    pub total_ms: Option<f64>,
+    /// Milliseconds from the first submit to the last download, of the last repeat.
+    pub wall_ms: f64,
+    /// Rays of one render.
+    pub rays: u64,
+    /// VPLs that exist.
+    pub vpl_count: u32,
+    /// Light paths launched.
+    pub path_count: u32,
+    /// The paper's min_d in force (m).
+    pub min_distance: f32,
+    /// Most bytes ever allocated on the device so far.
+    pub peak_device_bytes: u64,
+}
+
+/// A scene ready to be rendered on a device.
+#[derive(Debug)]
+pub struct Renderer {
+    executor: Executor,
+    set: vk::SceneSet,
+    uniform: vk::Buffer,
+    structure: Structure,
+    gpu: GpuScene,
+    scene: Scene,
+    area: f32,
+    backend: Backend,
+    reason: String,
+    device: vk::Device,
+}
+
+impl Renderer {
+    /// Uploads a scene and builds the one structure its backend needs.
+    ///
+    /// # Errors
+    /// An invalid scene, a backend the device lacks, or too little memory.
+    pub fn new(device: &vk::Device, scene: Scene, options: &RendererOptions) -> Result<Self, Error> {
+        scene.validate()?;
+        let ray_query = device.info().ray_query;
+        let (backend, reason) = match options.backend {
+            BackendChoice::Force(Backend::RayQuery) if !ray_query => {
+                return Err(Error::NoRayQuery { device: device.info().name.clone() });
+            }
+            BackendChoice::Force(backend) => (backend, "as asked".into()),
+            _ if !ray_query => (Backend::Software, "the device has no ray query".into()),
+            BackendChoice::Auto if device.info().kind == DeviceKind::Cpu => {
+                (Backend::Software, "the faster one on CPU devices".into())
+            }
+            BackendChoice::Auto => {
+                let timing = choice::timing(device)?;
+                (timing.fastest(), timing.to_string())
+            }
+            BackendChoice::Measure => {
+                let timing = choice::time(device, &scene)?;
+                (timing.fastest(), format!("{timing}, on this scene"))
+            }
+        };
+        Self::with_backend(device, scene, backend, reason)
+    }
+
+    fn with_backend(
+        device: &vk::Device,
+        scene: Scene,
+        backend: Backend,
+        reason: String,
+    ) -> Result<Self, Error> {
+        let geometry = Geometry::of(&scene)?;
+        let executor = Executor::new(device, backend)?;
+        let mut gpu = GpuScene::upload(device, &scene, &geometry)?;
+        let structure = Structure::build(device, backend, &geometry)?;
+        structure.describe(&mut gpu.data);
+        let uniform = device.buffer("scene", size_of::<shaders::SceneData>() as u64, MemoryKind::Upload)?;
+        let set = device.scene_set(backend, &uniform, structure.top_level())?;
+        let area = scene.area() as f32;
+        Ok(Self {
+            executor,
+            set,
+            uniform,
+            structure,
+            gpu,
+            scene,
+            area,
+            backend,
+            reason,
+            device: device.clone(),
+        })
+    }
+
+    /// The backend in use, and why.
+    #[must_use]
+    pub fn backend(&self) -> (Backend, &str) {
+        (self.backend, &self.reason)
+    }
+
+    /// The scene as it is now.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What was built to trace rays in.
+    #[must_use]
+    pub fn structures(&self) -> &[StructureReport] {
+        self.structure.reports()
+    }
+
+    /// Bytes of the scene's shading data on the device.
+    #[must_use]
+    pub fn scene_bytes(&self) -> u64 {
+        self.gpu.bytes()
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn device(&self) -> &vk::Device {
+        &self.device
+    }
+
+    /// The specialization constants that describe the scene.
+    #[cfg(feature = "compile")]
+    pub(crate) fn scene_spec(&self) -> shaders::SceneSpec {
+        let roughness = crate::techniques::whitted::WhittedConfig::default().mirror_roughness;
+        // A kernel may outlive the lights and the threshold it was compiled with.
+        shaders::SceneSpec {
+            mirrors: true,
+            glass: true,
+            volumes: true,
+            spot_lights: true,
+            directional_lights: true,
+            ..*self.kernels(roughness).scene_spec()
+        }
+    }
+
+    /// Runs a graph of the caller's own on the scene, seen by `camera` at the size, window and seed of `config`.
+    ///
+    /// # Errors
+    /// A graph declared wrongly, or the device's failure.
+    pub fn run(&mut self, graph: Graph<'_>, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
+        config.validate()?;
+        self.write_uniform(config, camera, pixel_offset(0, 1), None)?;
+        Ok(self.executor.run(graph, &RunOptions { scene: Some(&self.set), ..RunOptions::default() })?)
+    }
+
+    /// Replaces the lights; geometry, materials and structures stay as they are.
+    ///
+    /// # Errors
+    /// A light with NaN, infinite or negative values, or too little memory.
+    pub fn set_lights(&mut self, lights: Vec<Light>) -> Result<(), Error> {
+        let before = std::mem::replace(&mut self.scene.lights, lights);
+        if let Err(error) = self.scene.validate() {
+            self.scene.lights = before;
+            return Err(error.into());
+        }
+        self.gpu.set_lights(&self.device, &self.scene.lights)?;
+        Ok(())
+    }
+
+    /// Renders.
+    ///
+    /// # Errors
+    /// A bad configuration or tap, [`Error::Cancelled`], or the device's failure.
+    pub fn render(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        request: &FrameRequest<'_>,
+    ) -> Result<Frame, Error> {
+        config.validate()?;
+        let runs = if request.repeat == 0 { 1 } else { request.repeat + 1 };
+        let mut rays = HashMap::new();
+        let mut timed = Vec::new();
+        let mut frame = None;
+        for run in 0..runs {
+            let report = |progress: Progress<'_>| {
+                if let Some(report) = request.progress {
+                    report(Progress { done: (f64::from(run) + progress.done) / f64::from(runs), ..progress });
+                }
+            };
+            // Rays are counted in the first run only: the warm-up, where there is one.
+            let counters = (run == 0).then(|| self.counters()).transpose()?;
+            let (times, result) = self.once(config, camera, request, &report, counters.as_ref())?;
+            if let Some(counters) = counters {
+                rays = self.rays(&counters)?;
+            }
+            if run > 0 || runs == 1 {
+                timed.push(times);
+            }
+            frame = Some(result);
+        }
+        let frame = frame.ok_or(Error::Cancelled)?;
+        Ok(Frame {
+            passes: summarise(&timed, &rays),
+            total_ms: median(timed.iter().map(|times| times.iter().map(|time| time.ms).sum()).collect()),
+            rays: rays.values().sum(),
+            peak_device_bytes: self.device.memory().peak,
+            ..frame
+        })
+    }
+
+    /// Renders all pixel samples once.
+    fn once(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        request: &FrameRequest<'_>,
+        progress: &dyn Fn(Progress<'_>),
+        counters: Option<&vk::Buffer>,
+    ) -> Result<(Vec<PassTime>, Frame), Error> {
+        let start = Instant::now();
+        let info = FrameInfo { extent: window(config).1, area: self.area };
+        let kernels = self.kernels(config.whitted.mirror_roughness);
+        let samples = config.pixel_samples;
+        let means = self.means(config, request.aovs)?;
+        let mut times = Vec::new();
+        for sample in 0..samples {
+            self.write_uniform(config, camera, pixel_offset(sample, samples), counters)?;
+            let mut g = Graph::new();
+            let recorded = record(&mut g, &kernels, config, &info, request.aovs, &means, sample);
+            let last = sample + 1 == samples;
+            let tickets = last.then(|| Tickets::take(&mut g, config, recorded));
+            let specs = if last { request.taps } else { &[] };
+            let taps: Result<Vec<_>, graph::Error> =
+                specs.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect();
+            let taps = taps?;
+            let report = |p: graph::Progress<'_>| {
+                progress(Progress { pass: p.pass, done: (f64::from(sample) + p.done) / f64::from(samples) });
+            };
+            let options = RunOptions {
+                scene: Some(&self.set),
+                cancel: request.cancel,
+                progress: Some(&report),
+                ..RunOptions::default()
+            };
+            let mut run = self.executor.run(g, &options)?;
+            add_times(&mut times, &run.passes);
+            if let Some(tickets) = tickets {
+                let frame = tickets.redeem(&mut run, &info, request.aovs, taps);
+                return Ok((
+                    times,
+                    Frame {
+                        wall_ms: start.elapsed().as_secs_f64() * 1e3,
+                        path_count: config.vpl_shoot.paths(),
+                        min_distance: config.indirect.min_distance(self.area, &config.vpl_shoot),
+                        ..frame
+                    },
+                ));
+            }
+        }
+        Err(Error::Cancelled)
+    }
+
+    /// The techniques' kernels, specialised to the scene.
+    #[must_use]
+    pub fn kernels(&self, mirror_roughness: f32) -> Kernels {
+        Kernels::new(&SceneProfile::of(&self.scene, mirror_roughness), self.structure.stack_depth())
+    }
+
+    /// Images that average pixel samples, beauty first; none for a single sample.
+    fn means(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<Vec<vk::Image>, Error> {
+        if config.pixel_samples == 1 {
+            return Ok(Vec::new());
+        }
+        let names = std::iter::once("beauty").chain(aovs.iter().map(|aov| aov.name()));
+        let extent = window(config).1;
+        let image = |name| Ok(self.device.image(&format!("mean.{name}"), extent, Format::Rgba32Float)?);
+        names.map(image).collect()
+    }
+
+    fn counters(&self) -> Result<vk::Buffer, Error> {
+        Ok(self.device.upload("ray_counters", &vec![0; RAY_COUNTERS.len() * COUNTER_LANES * 4])?)
+    }
+
+    fn rays(&self, counters: &vk::Buffer) -> Result<HashMap<&'static str, u64>, Error> {
+        let bytes = self.device.download(counters)?;
+        let cells: &[u32] = bytemuck::cast_slice(&bytes);
+        let sums = cells.chunks(COUNTER_LANES).map(|lanes| lanes.iter().map(|&n| u64::from(n)).sum());
+        Ok(RAY_COUNTERS.into_iter().zip(sums).collect())
+    }
+
+    fn write_uniform(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        pixel_offset: Vec2,
+        counters: Option<&vk::Buffer>,
+    ) -> Result<(), Error> {
+        let data = shaders::SceneData {
+            camera: camera_data(camera, config.size),
+            full_size: config.size,
+            window_origin: window(config).0,
+            pixel_offset: pixel_offset.to_array(),
+            ray_counters: counters.map_or(0, vk::Buffer::address),
+            seed: config.seed,
+            specular_depth: config.whitted.specular_depth,
+            mirror_roughness: config.whitted.mirror_roughness,
+            ..self.gpu.data
+        };
+        let bytes = bytemuck::bytes_of(&data);
+        if let Some(mapped) = self.uniform.mapped_mut() {
+            mapped[..bytes.len()].copy_from_slice(bytes);
+        }
+        Ok(())
+    }
+}
+
+/// The plan of one frame, made without any device.
+///
+/// # Errors
+/// A bad configuration, or a limit that `requirements` names.
+pub fn plan(
+    scene: &Scene,
+    config: &RenderConfig,
+    aovs: &[Aov],
+    requirements: &dyn Requirements,
+) -> Result<Plan, Error> {
+    config.validate()?;
+    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH);
+    let info = FrameInfo { extent: window(config).1, area: scene.area() as f32 };
+    let mut g = Graph::new();
+    let recorded = record(&mut g, &kernels, config, &info, aovs, &[], 0);
+    Tickets::take(&mut g, config, recorded);
+    Ok(g.plan(requirements)?)
+}
+
+/// Origin and extent of the pixels rendered.
+fn window(config: &RenderConfig) -> ([u32; 2], [u32; 2]) {
+    match config.crop {
+        Some([x0, y0, x1, y1]) => ([x0, y0], [x1 - x0, y1 - y0]),
+        None => ([0, 0], config.size),
+    }
+}
+
+fn camera_data(camera: &Camera, size: [u32; 2]) -> shaders::Camera {
+    let aspect = size[0] as f32 / size[1] as f32;
+    let (half_height, orthographic) = match camera.view {
+        View::Perspective { yfov } => ((0.5 * yfov).tan(), 0),
+        View::Orthographic { ymag } => (ymag, 1),
+    };
+    let axes = camera.transform.matrix3;
+    shaders::Camera {
+        eye: camera.transform.translation.to_array(),
+        orthographic,
+        right: (axes.x_axis * (half_height * aspect)).to_array(),
+        up: (axes.y_axis * half_height).to_array(),
+        forward: (-axes.z_axis).to_array(),
+    }
+}
+
+/// What a frame's passes leave behind.
+struct Recorded {
+    /// Beauty, then the layers asked for; with several pixel samples their means.
+    images: Vec<Res<Image>>,
+    vpl_count: Res<graph::Buffer>,
+}
+
+fn record<'a>(
+    g: &mut Graph<'a>,
+    kernels: &Kernels,
+    config: &RenderConfig,
+    info: &FrameInfo,
+    aovs: &[Aov],
+    means: &'a [vk::Image],
+    sample: u32,
+) -> Recorded {
+    let method = methods::named(config.method.name());
+    let layers = (method.record)(g, kernels, config, info);
+    let mut images = vec![layers.beauty];
+    let mut unpacked = None;
+    for aov in aovs {
+        let mut geometry =
+            |g: &mut Graph<'a>| *unpacked.get_or_insert_with(|| gbuffer::unpack(g, kernels, &layers.gbuffer));
+        images.push(match aov {
+            Aov::Albedo => layers.gbuffer.albedo,
+            Aov::N | Aov::Depth => geometry(g).normal_depth,
+            Aov::P => geometry(g).position,
+            Aov::Direct => layers.direct,
+            Aov::Specular => layers.specular.unwrap_or_else(|| compose::black(g, layers.direct)),
+            Aov::Indirect => compose::indirect(g, &layers.gbuffer, layers.irradiance),
+            Aov::Irradiance => layers.irradiance,
+        });
+    }
+    for (image, mean) in images.iter_mut().zip(means) {
+        let mean = g.import_image(mean.name().to_owned(), mean);
+        compose::accumulate(g, *image, mean, sample);
+        *image = mean;
+    }
+    Recorded { images, vpl_count: layers.vpl_count }
+}
+
+/// Promises of everything a frame brings back.
+struct Tickets {
+    images: Vec<Ticket<[f32; 4]>>,
+    display: Ticket<u8>,
+    exposure: Ticket<f32>,
+    vpl_count: Ticket<u32>,
+}
+
+impl Tickets {
+    fn take(g: &mut Graph<'_>, config: &RenderConfig, recorded: Recorded) -> Self {
+        let display = tone_map::tone_map(g, &config.tone_map, recorded.images[0]);
+        Self {
+            images: recorded.images.iter().map(|&image| g.read_image(image)).collect(),
+            display: g.read_image(display.image),
+            exposure: g.read_buffer(display.exposure),
+            vpl_count: g.read_buffer(recorded.vpl_count),
+        }
+    }
+
+    fn redeem(self, run: &mut Run, info: &FrameInfo, aovs: &[Aov], taps: Vec<(String, Tap)>) -> Frame {
+        let [width, height] = info.extent;
+        let mut images =
+            self.images.into_iter().map(|ticket| run.take(ticket)).collect::<Vec<_>>().into_iter();
+        let layer = |texels: Vec<[f32; 4]>, channels: std::ops::Range<usize>| Layer {
+            width,
+            height,
+            channels: channels.len(),
+            data: texels.iter().flat_map(|texel| texel[channels.clone()].iter().copied()).collect(),
+        };
+        let beauty = layer(images.next().unwrap_or_default(), 0..3);
+        let aovs = aovs.iter().zip(images).map(|(&aov, texels)| {
+            (aov, layer(texels, if aov == Aov::Depth { 3..4 } else { 0..aov.channels() }))
+        });
+        let aovs = aovs.collect();
+        let taps = taps.into_iter().map(|(spec, tap)| (spec, tapped(run, tap))).collect();
+        Frame {
+            beauty,
+            display: run.take(self.display),
+            exposure_ev: run.take(self.exposure).first().copied().unwrap_or_default(),
+            aovs,
+            taps,
+            vpl_count: run.take(self.vpl_count).first().copied().unwrap_or_default(),
+            passes: Vec::new(),
+            total_ms: None,
+            wall_ms: 0.0,
+            rays: 0,
+            path_count: 0,
+            min_distance: 0.0,
+            peak_device_bytes: 0,
+        }
+    }
+}
+
+/// Images keep their shape, buffers become a row of words; integers keep their bits.
+fn tapped(run: &mut Run, tap: Tap) -> Layer {
+    let bytes = run.take(tap.ticket);
+    let words = || bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect();
+    match tap.desc {
+        Desc::Image(desc) => {
+            let data: Vec<f32> = match desc.format {
+                Format::Rgba8Unorm => bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
+                Format::Rgba16Float => {
+                    let halves = bytes.chunks_exact(2).map(|b| half::f16::from_ne_bytes([b[0], b[1]]));
+                    halves.map(half::f16::to_f32).collect()
+                }
+                _ => words(),
+            };
+            let [width, height] = desc.extent;
+            Layer { width, height, channels: data.len() / (width as usize * height as usize), data }
+        }
+        Desc::Buffer(_) | Desc::Scene => {
+            let data: Vec<f32> = words();
+            Layer { width: data.len() as u32, height: 1, channels: 1, data }
+        }
+    }
+}
+
+/// Adds one sample's times to those of the samples before. Downloads are not part of a frame's time.
+fn add_times(sums: &mut Vec<PassTime>, passes: &[PassTime]) {
+    let work =
+        passes.iter().filter(|pass| !pass.path.starts_with("readback") && !pass.path.starts_with("tap/"));
+    for pass in work {
+        match sums.iter_mut().find(|sum| sum.path == pass.path) {
+            Some(sum) => {
+                sum.ms = sum.ms.zip(pass.ms).map(|(a, b)| a + b);
+                sum.bands += pass.bands;
+            }
+            None => sums.push(pass.clone()),
+        }
+    }
+}
+
+fn summarise(timed: &[Vec<PassTime>], rays: &HashMap<&'static str, u64>) -> Vec<PassStats> {
+    let Some(first) = timed.first() else { return Vec::new() };
+    let stats = first.iter().map(|pass| PassStats {
+        path: pass.path.clone(),
+        ms: median(timed.iter().map(|t| t.iter().find(|p| p.path == pass.path).and_then(|p| p.ms)).collect()),
+        rays: rays.get(pass.path.as_str()).copied(),
+    });
+    stats.collect()
+}
+
+/// `None` where any is missing.
+fn median(values: Vec<Option<f64>>) -> Option<f64> {
+    let mut values = values.into_iter().collect::<Option<Vec<f64>>>()?;
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => None,
+        n if n % 2 == 1 => Some(values[middle]),
+        _ => Some(0.5 * (values[middle - 1] + values[middle])),
+    }
+}

@@ -1,0 +1,89 @@
+//! Which backend `auto` takes where a device has both: measured, not guessed.
+
+use super::{BackendChoice, Error, FrameRequest, Renderer, RendererOptions};
+use crate::config::RenderConfig;
+use crate::scene::{Scene, builtin};
+use crate::vk::Backend;
+use crate::vk::{self, DeviceInfo};
+use std::fmt;
+use std::fs;
+use std::path::PathBuf;
+
+/// What both backends took for the same picture on one device and driver.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Timing {
+    /// Milliseconds a frame with ray query.
+    pub ray_query_ms: f64,
+    /// Milliseconds a frame with the software structure.
+    pub software_ms: f64,
+}
+
+impl Timing {
+    /// The backend that took less.
+    #[must_use]
+    pub fn fastest(&self) -> Backend {
+        if self.ray_query_ms < self.software_ms { Backend::RayQuery } else { Backend::Software }
+    }
+}
+
+impl fmt::Display for Timing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "measured {:.2} ms with ray query, {:.2} ms in software",
+            self.ray_query_ms, self.software_ms
+        )
+    }
+}
+
+/// The timing that was made for this device and driver, if there is one.
+#[must_use]
+pub fn cached_timing(info: &DeviceInfo) -> Option<Timing> {
+    serde_json::from_slice(&fs::read(cache_file(info)?).ok()?).ok()
+}
+
+/// The cached timing, or a new one on a built-in scene.
+pub(super) fn timing(device: &vk::Device) -> Result<Timing, Error> {
+    if let Some(timing) = cached_timing(device.info()) {
+        return Ok(timing);
+    }
+    let timing = time(device, &builtin::by_name(builtin::DEFAULT)?)?;
+    if let Some(file) = cache_file(device.info()) {
+        // A cache that cannot be written is only slower next time.
+        let text = serde_json::to_vec(&timing).unwrap_or_default();
+        let beside = file.with_extension(std::process::id().to_string());
+        let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, &file));
+        if let Err(error) = written {
+            tracing::debug!("{}: {error}", file.display());
+        }
+    }
+    Ok(timing)
+}
+
+/// Renders a small picture of `scene` with both.
+pub(super) fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> {
+    let config = RenderConfig { size: [640, 480], ..RenderConfig::default() };
+    let camera = scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera());
+    let milliseconds = |backend| -> Result<f64, Error> {
+        let options = RendererOptions { backend: BackendChoice::Force(backend) };
+        let mut renderer = Renderer::new(device, scene.clone(), &options)?;
+        let request = FrameRequest { repeat: 3, ..FrameRequest::default() };
+        let frame = renderer.render(&config, &camera, &request)?;
+        Ok(frame.total_ms.unwrap_or(frame.wall_ms))
+    };
+    Ok(Timing {
+        ray_query_ms: milliseconds(Backend::RayQuery)?,
+        software_ms: milliseconds(Backend::Software)?,
+    })
+}
+
+fn cache_file(info: &DeviceInfo) -> Option<PathBuf> {
+    let folder = vk::cache_folder()?;
+    fs::create_dir_all(&folder).ok()?;
+    Some(folder.join(format!(
+        "backend-{}-{}-{}.json",
+        info.uuid,
+        info.driver_version,
+        env!("CARGO_PKG_VERSION")
+    )))
+}

@@ -1,0 +1,230 @@
+//! Checked reading of accessors: every byte is proven to lie in its buffer before anything is allocated.
+
+use super::Context;
+use crate::scene::SceneError;
+use ::gltf::json::accessor::{Accessor, ComponentType, Type};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Index, buffer};
+use std::ops::Range;
+use std::path::Path;
+
+/// Most elements of an accessor that has no buffer view, whose zeros are all made here.
+const MAX_ZEROS: usize = 1 << 24;
+
+/// An accessor's elements.
+pub(super) struct Elements<'a> {
+    pub(super) component: ComponentType,
+    pub(super) normalized: bool,
+    pub(super) shape: Type,
+    pub(super) count: usize,
+    file: &'a Path,
+    element: String,
+    /// Bytes and stride; all zeros where absent.
+    base: Option<(&'a [u8], usize)>,
+    /// Increasing indices of replaced elements, and their values, tightly packed.
+    sparse: (Vec<u32>, &'a [u8]),
+}
+
+/// Byte range of `count` elements.
+struct Extent {
+    start: usize,
+    stride: usize,
+    end: usize,
+}
+
+impl<'a> Context<'a> {
+    /// Checks accessor `index` and finds its bytes. Elements of a buffer without data (`uri` absent) are
+    /// checked against its declared length.
+    pub(super) fn elements(&self, index: usize) -> Result<Elements<'a>, SceneError> {
+        let element = format!("accessors[{index}]");
+        self.elements_of(&self.root.accessors[index], &element)
+            .map_err(|problem| self.error(element, problem))
+    }
+
+    fn elements_of(&self, accessor: &Accessor, element: &str) -> Result<Elements<'a>, String> {
+        let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_)
+        else {
+            return Err("unknown component or element type".into());
+        };
+        let (component, count) = (component.0, accessor.count.0 as usize);
+        if accessor.normalized && matches!(component, ComponentType::F32 | ComponentType::U32) {
+            return Err("normalized, but its components are neither 8 nor 16 bits wide".into());
+        }
+        let size = element_size(component, shape);
+        let base = match accessor.buffer_view {
+            Some(view) => {
+                let extent = self.extent(view, accessor.byte_offset.map_or(0, |o| o.0), count, size)?;
+                Some((self.bytes(view, extent.start..extent.end)?, extent.stride))
+            }
+            None if count > MAX_ZEROS => {
+                return Err(format!("{count} elements without a buffer view, expected at most {MAX_ZEROS}"));
+            }
+            None => None,
+        };
+        let sparse = match &accessor.sparse {
+            Some(sparse) => {
+                let Checked::Valid(index_component) = sparse.indices.component_type else {
+                    return Err("sparse indices have an unknown component type".into());
+                };
+                let replaced = sparse.count.0 as usize;
+                if replaced == 0 || replaced > count {
+                    return Err(format!("{replaced} sparse elements, expected 1 to {count}"));
+                }
+                let tight = |view, offset: u64, size| {
+                    let extent = self.extent(view, offset, replaced, size)?;
+                    if extent.stride != size {
+                        return Err("a buffer view of sparse data has a byteStride".into());
+                    }
+                    self.bytes(view, extent.start..extent.end)
+                };
+                let indices = tight(
+                    sparse.indices.buffer_view,
+                    sparse.indices.byte_offset.0,
+                    index_component.0.size(),
+                )?;
+                let values = tight(sparse.values.buffer_view, sparse.values.byte_offset.0, size)?;
+                let indices: Vec<u32> = indices
+                    .chunks_exact(index_component.0.size())
+                    .map(|bytes| unsigned(bytes, index_component.0))
+                    .collect();
+                if let Some(i) = indices.windows(2).position(|pair| pair[0] >= pair[1]) {
+                    return Err(format!(
+                        "sparse index {} does not increase: {} after {}",
+                        i + 1,
+                        indices[i + 1],
+                        indices[i]
+                    ));
+                }
+                if let Some(&last) = indices.last().filter(|&&last| last as usize >= count) {
+                    return Err(format!("sparse index {last}, but there are {count} elements"));
+                }
+                (indices, values)
+            }
+            None => (Vec::new(), &[][..]),
+        };
+        let (file, normalized) = (self.file, accessor.normalized);
+        Ok(Elements { component, normalized, shape, count, file, element: element.to_owned(), base, sparse })
+    }
+
+    /// Where `count` elements of `size` bytes lie in their buffer.
+    fn extent(
+        &self,
+        view: Index<buffer::View>,
+        offset: u64,
+        count: usize,
+        size: usize,
+    ) -> Result<Extent, String> {
+        let description = &self.root.buffer_views[view.value()];
+        let stride = description.byte_stride.map_or(size, |stride| stride.0);
+        if stride < size {
+            return Err(format!(
+                "byteStride {stride} of bufferViews[{view}] is less than an element's {size} bytes"
+            ));
+        }
+        let length = match count.checked_sub(1) {
+            Some(last) => last.checked_mul(stride).and_then(|bytes| bytes.checked_add(size)),
+            None => Some(0),
+        };
+        let begin = description.byte_offset.map_or(0, |o| o.0 as usize);
+        let end = length.and_then(|length| length.checked_add(offset as usize));
+        match end {
+            Some(end) if end <= description.byte_length.0 as usize => {
+                Ok(Extent { start: begin + offset as usize, stride, end: begin + end })
+            }
+            _ => Err(format!(
+                "{count} elements from byte {offset} don't fit into the {} bytes of bufferViews[{view}]",
+                description.byte_length.0
+            )),
+        }
+    }
+
+    /// Part of a buffer; its range was checked against the buffer's declared length.
+    fn bytes(&self, view: Index<buffer::View>, range: Range<usize>) -> Result<&'a [u8], String> {
+        let buffer = self.root.buffer_views[view.value()].buffer.value();
+        match &self.buffers[buffer] {
+            Some(data) => data.get(range).ok_or_else(|| format!("buffers[{buffer}] is too short for it")),
+            None => Err(format!("buffers[{buffer}] has no uri, so there are no data")),
+        }
+    }
+
+    /// All bytes of a buffer view.
+    pub(super) fn view_bytes(&self, view: Index<buffer::View>) -> Result<&'a [u8], String> {
+        let description = &self.root.buffer_views[view.value()];
+        let start = description.byte_offset.map_or(0, |o| o.0 as usize);
+        self.bytes(view, start..start + description.byte_length.0 as usize)
+    }
+}
+
+impl Elements<'_> {
+    /// Elements `range` as vectors of `N` floats, integers normalised where the accessor says so.
+    ///
+    /// # Errors
+    /// A value that is not finite.
+    pub(super) fn floats<const N: usize>(&self, range: Range<usize>) -> Result<Vec<[f32; N]>, SceneError> {
+        let (width, normalized) = (self.component.size(), self.normalized);
+        let value = |bytes: &[u8]| -> [f32; N] {
+            std::array::from_fn(|i| float(&bytes[i * width..(i + 1) * width], self.component, normalized))
+        };
+        let values = self.read(range.clone(), [0.0; N], value);
+        match values.iter().position(|value| !value.iter().all(|v| v.is_finite())) {
+            Some(i) => {
+                let problem = format!("element {} is not finite: {:?}", range.start + i, values[i]);
+                Err(SceneError::new(self.file, &self.element, problem))
+            }
+            None => Ok(values),
+        }
+    }
+
+    /// All elements, which must be unsigned scalars.
+    pub(super) fn unsigned(&self) -> Vec<u32> {
+        self.read(0..self.count, 0, |bytes| unsigned(bytes, self.component))
+    }
+
+    fn read<T: Copy>(&self, range: Range<usize>, zero: T, value: impl Fn(&[u8]) -> T) -> Vec<T> {
+        let size = element_size(self.component, self.shape);
+        let mut values = match self.base {
+            Some((bytes, stride)) => {
+                range.clone().map(|i| value(&bytes[i * stride..i * stride + size])).collect()
+            }
+            None => vec![zero; range.len()],
+        };
+        for (&i, bytes) in self.sparse.0.iter().zip(self.sparse.1.chunks_exact(size)) {
+            if range.contains(&(i as usize)) {
+                values[i as usize - range.start] = value(bytes);
+            }
+        }
+        values
+    }
+}
+
+/// Bytes of an element; columns of matrices begin at multiples of four.
+fn element_size(component: ComponentType, shape: Type) -> usize {
+    let columns = match shape {
+        Type::Mat2 => 2,
+        Type::Mat3 => 3,
+        Type::Mat4 => 4,
+        _ => return component.size() * shape.multiplicity(),
+    };
+    columns * (component.size() * columns).next_multiple_of(4)
+}
+
+fn unsigned(bytes: &[u8], component: ComponentType) -> u32 {
+    match component.size() {
+        1 => u32::from(bytes[0]),
+        2 => u32::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+        _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+    }
+}
+
+/// glTF 2.0, section 3.6.2.2, gives the normalised values.
+fn float(bytes: &[u8], component: ComponentType, normalized: bool) -> f32 {
+    let (value, largest) = match component {
+        ComponentType::I8 => (f32::from(bytes[0] as i8), 127.0),
+        ComponentType::U8 => (f32::from(bytes[0]), 255.0),
+        ComponentType::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+        ComponentType::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
+        ComponentType::U32 => return unsigned(bytes, component) as f32,
+        ComponentType::F32 => return f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+    };
+    if normalized { (value / largest).max(-1.0) } else { value }
+}

@@ -1,0 +1,298 @@
+//! Meshes: triangle primitives merged into one [`Mesh`], in the pose their default weights give.
+
+use super::Context;
+use super::accessor::Elements;
+use crate::scene::import::unit_normal;
+use crate::scene::validate::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::scene::{Mesh, SceneError};
+use ::gltf::json::accessor::{ComponentType, Type};
+use ::gltf::json::mesh::{Mode, Primitive, Semantic};
+use ::gltf::json::validation::Checked;
+use glam::{Vec2, Vec3, Vec4};
+use std::ops::Range;
+
+/// What all meshes read so far amount to and lack.
+#[derive(Default)]
+pub(super) struct Tally {
+    /// Vertices kept.
+    vertices: usize,
+    /// Primitives of points or lines.
+    pub(super) points_and_lines: usize,
+    /// Primitives without positions.
+    pub(super) without_positions: usize,
+    /// Vertices behind the last whole triangle.
+    pub(super) incomplete: usize,
+    /// Meshes with morph targets.
+    pub(super) morphed: usize,
+}
+
+/// Which component types an attribute may have, by what `KHR_mesh_quantization` allows beyond glTF itself.
+fn allowed(semantic: &Semantic, e: &Elements<'_>, quantized: bool) -> bool {
+    use ComponentType::{F32, I8, I16, U8, U16};
+    let small = matches!(e.component, I8 | U8 | I16 | U16);
+    match semantic {
+        Semantic::Positions => e.shape == Type::Vec3 && (e.component == F32 || quantized && small),
+        Semantic::Normals => {
+            e.shape == Type::Vec3
+                && (e.component == F32 || quantized && e.normalized && matches!(e.component, I8 | I16))
+        }
+        Semantic::TexCoords(_) => {
+            let core = e.component == F32 || e.normalized && matches!(e.component, U8 | U16);
+            e.shape == Type::Vec2 && (core || quantized && small)
+        }
+        Semantic::Colors(_) => {
+            matches!(e.shape, Type::Vec3 | Type::Vec4)
+                && (e.component == F32 || e.normalized && matches!(e.component, U8 | U16))
+        }
+        _ => true,
+    }
+}
+
+/// Triangles of `corners` as glTF 2.0, section 3.7.2.1, defines them, and how many corners are left over.
+fn triangles(mode: Mode, corners: &[u32]) -> (Vec<[u32; 3]>, usize) {
+    let n = corners.len();
+    match mode {
+        Mode::TriangleStrip if n > 2 => {
+            let order = |i: usize| [i, i + 1 + i % 2, i + 2 - i % 2].map(|j| corners[j]);
+            ((0..n - 2).map(order).collect(), 0)
+        }
+        Mode::TriangleFan if n > 2 => {
+            ((0..n - 2).map(|i| [corners[i + 1], corners[i + 2], corners[0]]).collect(), 0)
+        }
+        Mode::TriangleStrip | Mode::TriangleFan => (Vec::new(), n),
+        _ => (corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(), n % 3),
+    }
+}
+
+impl Context<'_> {
+    /// Reads mesh `index` in the pose of `weights` (the node's, or else the mesh's own). Triangles without a
+    /// material get the one behind the file's last.
+    pub(super) fn mesh(
+        &self,
+        index: usize,
+        weights: Option<&[f32]>,
+        tally: &mut Tally,
+    ) -> Result<Mesh, SceneError> {
+        let source = &self.root.meshes[index];
+        let mut mesh =
+            Mesh { name: source.name.clone().unwrap_or_else(|| format!("mesh {index}")), ..Mesh::default() };
+        let weights = weights.or(source.weights.as_deref()).unwrap_or(&[]);
+        if !weights.iter().all(|w| w.is_finite()) {
+            return Err(self.error(format!("meshes[{index}]"), "a morph weight is not finite"));
+        }
+        tally.morphed += usize::from(source.primitives.iter().any(|p| p.targets.is_some()));
+        for (i, primitive) in source.primitives.iter().enumerate() {
+            let element = format!("meshes[{index}].primitives[{i}]");
+            let Checked::Valid(mode) = primitive.mode else {
+                return Err(self.error(element, "unknown mode"));
+            };
+            if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+                tally.points_and_lines += 1;
+                continue;
+            }
+            if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
+                tally.without_positions += 1;
+                continue;
+            }
+            let vertices = self.vertices(primitive, &element)?;
+            self.attribute(primitive, &element, Semantic::Positions)?;
+            let corners = self.corners(primitive, &element, vertices)?;
+            let (mut triangles, incomplete) = triangles(mode, &corners);
+            tally.incomplete += incomplete;
+            if mesh.triangles.len() + triangles.len() > MAX_TRIANGLES {
+                return Err(self.error(element, format!("more than {MAX_TRIANGLES} triangles up to here")));
+            }
+            // Exporters let primitives share one large vertex buffer: take only what this one uses.
+            let used = compact(&mut triangles);
+            tally.vertices += used.len();
+            if tally.vertices > MAX_VERTICES {
+                return Err(self.error(element, format!("more than {MAX_VERTICES} vertices up to here")));
+            }
+            let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
+            let base = mesh.positions.len() as u32;
+            self.append(&mut mesh, primitive, &element, weights, &used)?;
+            mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + base)));
+            mesh.materials.resize(mesh.triangles.len(), material);
+        }
+        Ok(mesh)
+    }
+
+    /// Elements of an attribute, checked for type.
+    fn attribute(
+        &self,
+        primitive: &Primitive,
+        element: &str,
+        semantic: Semantic,
+    ) -> Result<Option<Elements<'_>>, SceneError> {
+        let Some(accessor) = primitive.attributes.get(&Checked::Valid(semantic.clone())) else {
+            return Ok(None);
+        };
+        self.typed(accessor.value(), element, &semantic).map(Some)
+    }
+
+    fn typed(&self, accessor: usize, element: &str, semantic: &Semantic) -> Result<Elements<'_>, SceneError> {
+        let elements = self.elements(accessor)?;
+        if allowed(semantic, &elements, self.quantized) {
+            return Ok(elements);
+        }
+        let normalized = if elements.normalized { "normalized " } else { "" };
+        Err(self.error(
+            element,
+            format!(
+                "accessors[{accessor}] holds {normalized}{:?} of {:?}, which {} can't be{}",
+                elements.shape,
+                elements.component,
+                semantic.to_string(),
+                if self.quantized { "" } else { " (the file does not name KHR_mesh_quantization)" }
+            ),
+        ))
+    }
+
+    /// Number of vertices, the same for all attributes and morph targets.
+    fn vertices(&self, primitive: &Primitive, element: &str) -> Result<usize, SceneError> {
+        let targets = primitive.targets.iter().flatten().flat_map(|t| [t.positions, t.normals, t.tangents]);
+        let mut counts = primitive
+            .attributes
+            .values()
+            .copied()
+            .chain(targets.flatten())
+            .map(|a| (a.value(), self.root.accessors[a.value()].count.0 as usize));
+        let (first, vertices) = counts.next().unwrap_or_default();
+        match counts.find(|&(_, count)| count != vertices) {
+            None => Ok(vertices),
+            Some((other, count)) => Err(self.error(
+                element,
+                format!("its attributes differ in length: accessors[{first}] has {vertices}, accessors[{other}] {count}"),
+            )),
+        }
+    }
+
+    /// The primitive's vertex indices, or one after the other without them; all below `vertices`.
+    fn corners(&self, primitive: &Primitive, element: &str, vertices: usize) -> Result<Vec<u32>, SceneError> {
+        let Some(accessor) = primitive.indices else {
+            if vertices > MAX_VERTICES {
+                return Err(
+                    self.error(element, format!("{vertices} vertices, expected at most {MAX_VERTICES}"))
+                );
+            }
+            return Ok((0..vertices as u32).collect());
+        };
+        let elements = self.elements(accessor.value())?;
+        let unsigned =
+            matches!(elements.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        if elements.shape != Type::Scalar || !unsigned || elements.normalized {
+            return Err(self.error(
+                element,
+                format!("accessors[{accessor}] can't be indices: they are unsigned scalars"),
+            ));
+        }
+        let corners = elements.unsigned();
+        match corners.iter().position(|&v| v as usize >= vertices) {
+            None => Ok(corners),
+            Some(i) => Err(self.error(
+                format!("{element}.indices"),
+                format!(
+                    "index {} at {i} of accessors[{accessor}], but there are {vertices} vertices",
+                    corners[i]
+                ),
+            )),
+        }
+    }
+
+    /// Appends the `used` vertices of a primitive; fills attributes that only some primitives have.
+    fn append(
+        &self,
+        mesh: &mut Mesh,
+        primitive: &Primitive,
+        element: &str,
+        weights: &[f32],
+        used: &[u32],
+    ) -> Result<(), SceneError> {
+        let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
+        let range = first as usize..last as usize + 1;
+        let base = mesh.positions.len();
+        let total = base + used.len();
+        let pick = |v: u32| v as usize - range.start;
+
+        let positions =
+            self.posed(primitive, element, weights, Semantic::Positions, range.clone())?.unwrap_or_default();
+        mesh.positions.extend(used.iter().map(|&v| positions[pick(v)]));
+        if let Some(normals) = self.posed(primitive, element, weights, Semantic::Normals, range.clone())? {
+            mesh.normals.resize(base, Vec3::ZERO);
+            mesh.normals.extend(used.iter().map(|&v| unit_normal(normals[pick(v)])));
+        } else if !mesh.normals.is_empty() {
+            mesh.normals.resize(total, Vec3::ZERO);
+        }
+        for (set, target) in [(0, &mut mesh.uv0), (1, &mut mesh.uv1)] {
+            if let Some(uv) = self.attribute(primitive, element, Semantic::TexCoords(set))? {
+                let uv = uv.floats::<2>(range.clone())?;
+                target.resize(base, Vec2::ZERO);
+                target.extend(used.iter().map(|&v| Vec2::from(uv[pick(v)])));
+            } else if !target.is_empty() {
+                target.resize(total, Vec2::ZERO);
+            }
+        }
+        if let Some(colors) = self.attribute(primitive, element, Semantic::Colors(0))? {
+            let rgba: Vec<Vec4> = match colors.shape {
+                Type::Vec3 => {
+                    colors.floats::<3>(range.clone())?.iter().map(|&c| Vec3::from(c).extend(1.0)).collect()
+                }
+                _ => colors.floats::<4>(range.clone())?.iter().map(|&c| Vec4::from(c)).collect(),
+            };
+            mesh.colors.resize(base, Vec4::ONE);
+            // glTF 2.0, section 3.7.2.1: colours must be clamped.
+            mesh.colors.extend(used.iter().map(|&v| rgba[pick(v)].clamp(Vec4::ZERO, Vec4::ONE)));
+        } else if !mesh.colors.is_empty() {
+            mesh.colors.resize(total, Vec4::ONE);
+        }
+        Ok(())
+    }
+
+    /// Positions or normals with the weighted sum of morph targets added.
+    fn posed(
+        &self,
+        primitive: &Primitive,
+        element: &str,
+        weights: &[f32],
+        semantic: Semantic,
+        range: Range<usize>,
+    ) -> Result<Option<Vec<Vec3>>, SceneError> {
+        let Some(base) = self.attribute(primitive, element, semantic.clone())? else { return Ok(None) };
+        let mut values: Vec<Vec3> = base.floats::<3>(range.clone())?.into_iter().map(Vec3::from).collect();
+        let targets = primitive.targets.as_deref().unwrap_or(&[]);
+        if !weights.is_empty() && targets.len() != weights.len() {
+            let problem = format!("{} morph targets, but {} weights", targets.len(), weights.len());
+            return Err(self.error(element, problem));
+        }
+        for (i, (target, &weight)) in targets.iter().zip(weights).enumerate() {
+            let accessor = if semantic == Semantic::Positions { target.positions } else { target.normals };
+            let Some(accessor) = accessor.filter(|_| weight != 0.0) else { continue };
+            let deltas = self.typed(accessor.value(), &format!("{element}.targets[{i}]"), &semantic)?;
+            for (value, delta) in values.iter_mut().zip(deltas.floats::<3>(range.clone())?) {
+                *value += weight * Vec3::from(delta);
+            }
+        }
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(Some(values)),
+            Some(i) => Err(self.error(element, format!("morphed vertex {} is not finite", range.start + i))),
+        }
+    }
+}
+
+/// Renumbers `triangles` by the vertices they use, which are returned in increasing order.
+fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
+    let corners = triangles.as_flattened_mut();
+    let (Some(&first), Some(&last)) = (corners.iter().min(), corners.iter().max()) else { return Vec::new() };
+    let mut new_index = vec![0_u32; (last - first) as usize + 1];
+    for &mut v in &mut *corners {
+        new_index[(v - first) as usize] = 1;
+    }
+    let used: Vec<u32> = (first..=last).filter(|&v| new_index[(v - first) as usize] == 1).collect();
+    for (i, &v) in used.iter().enumerate() {
+        new_index[(v - first) as usize] = i as u32;
+    }
+    for v in corners {
+        *v = new_index[(*v - first) as usize];
+    }
+    used
+}

@@ -1,0 +1,306 @@
+//! A scene's shading data on a device: what `glsl/lib/surface.glsl` and `glsl/lib/lights.glsl` read.
+
+use super::{AlphaMode, Filter, Light, LightKind, Scene, TextureRef, Wrap};
+use crate::accel::Geometry;
+use crate::shaders::{self, SceneData};
+use crate::vk;
+use glam::{Mat3, Mat3A, Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
+
+const MATERIAL_DOUBLE_SIDED: u32 = 1;
+const MATERIAL_UNLIT: u32 = 2;
+const MATERIAL_ALPHA_MASK: u32 = 4;
+const MATERIAL_SOLID: u32 = 8;
+const NO_TEXTURE: u32 = u32::MAX;
+const TEXTURE_NEAREST: u32 = 1;
+const TEXTURE_UV1: u32 = 2;
+const TEXTURE_WRAP_U_SHIFT: u32 = 2;
+const TEXTURE_WRAP_V_SHIFT: u32 = 4;
+const TRIANGLE_MIRRORED: u32 = 1 << 31;
+
+/// Buffers that live as long as the scene, and their addresses.
+#[derive(Debug)]
+pub struct GpuScene {
+    buffers: Vec<vk::Buffer>,
+    lights: Option<vk::Buffer>,
+    /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
+    pub(crate) data: SceneData,
+}
+
+impl GpuScene {
+    /// Uploads everything but the structures rays are traced in.
+    ///
+    /// # Errors
+    /// Out of device memory, naming the array.
+    pub fn upload(device: &vk::Device, scene: &Scene, geometry: &Geometry) -> Result<Self, vk::Error> {
+        let mut gpu = Self { buffers: Vec::new(), lights: None, data: SceneData::default() };
+        gpu.data.instances = gpu.array(device, "scene.instances", &instances(geometry))?;
+        gpu.data.triangles = gpu.array(device, "scene.triangles", &triangles(scene, geometry))?;
+        gpu.data.positions = gpu.array(device, "scene.positions", &geometry.positions)?;
+        let attributes = Attributes::of(scene, geometry);
+        gpu.data.normals = gpu.array(device, "scene.normals", &attributes.normals)?;
+        gpu.data.uv0 = gpu.array(device, "scene.uv0", &attributes.uv0)?;
+        gpu.data.uv1 = gpu.array(device, "scene.uv1", &attributes.uv1)?;
+        gpu.data.colors = gpu.array(device, "scene.colors", &attributes.colors)?;
+        let (materials, textures) = gpu.materials(device, scene)?;
+        gpu.data.materials = gpu.array(device, "scene.materials", &materials)?;
+        gpu.data.textures = gpu.array(device, "scene.textures", &textures)?;
+        gpu.data.triangle_count = u32::try_from(geometry.world_triangle_count()).unwrap_or(u32::MAX);
+        gpu.data.ray_epsilon = geometry.ray_epsilon();
+        let (low, high) = scene.bounds().unwrap_or_default();
+        gpu.data.scene_center = ((low + high) * 0.5).to_array();
+        gpu.data.scene_radius = 0.5 * low.distance(high);
+        gpu.set_lights(device, &scene.lights)?;
+        Ok(gpu)
+    }
+
+    /// Replaces the lights and nothing else.
+    ///
+    /// # Errors
+    /// Out of device memory.
+    pub fn set_lights(&mut self, device: &vk::Device, lights: &[Light]) -> Result<(), vk::Error> {
+        let records = light_records(lights, self.data.scene_radius);
+        let buffer = match &records[..] {
+            [] => None,
+            records => Some(device.upload("scene.lights", bytemuck::cast_slice(records))?),
+        };
+        self.data.light_count = records.len() as u32;
+        self.data.lights = buffer.as_ref().map_or(0, vk::Buffer::address);
+        self.lights = buffer;
+        Ok(())
+    }
+
+    /// Bytes on the device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.buffers.iter().chain(&self.lights).map(vk::Buffer::size).sum()
+    }
+
+    /// The address of a new buffer with these elements; 0 where there are none.
+    fn array<T: bytemuck::Pod>(
+        &mut self,
+        device: &vk::Device,
+        name: &str,
+        data: &[T],
+    ) -> Result<u64, vk::Error> {
+        if data.is_empty() {
+            return Ok(0);
+        }
+        let buffer = device.upload(name, bytemuck::cast_slice(data))?;
+        let address = buffer.address();
+        self.buffers.push(buffer);
+        Ok(address)
+    }
+
+    fn materials(
+        &mut self,
+        device: &vk::Device,
+        scene: &Scene,
+    ) -> Result<(Vec<shaders::Material>, Vec<shaders::Texture>), vk::Error> {
+        let mut texels = vec![None; scene.images.len()];
+        let mut textures = Vec::new();
+        let mut materials = Vec::new();
+        for material in &scene.materials {
+            let mut base_color_texture = NO_TEXTURE;
+            if let Some(texture) = &material.base_color_texture {
+                let image = &scene.images[texture.image as usize];
+                let address = match texels[texture.image as usize] {
+                    Some(address) => address,
+                    None => self.array(device, &format!("image {}", image.name), &image.texels)?,
+                };
+                texels[texture.image as usize] = Some(address);
+                base_color_texture = textures.len() as u32;
+                textures.push(texture_record(texture, address, [image.width, image.height]));
+            }
+            let mut flags = 0;
+            let mut alpha_cutoff = 0.0;
+            if material.double_sided {
+                flags |= MATERIAL_DOUBLE_SIDED;
+            }
+            if material.unlit {
+                flags |= MATERIAL_UNLIT;
+            }
+            if let AlphaMode::Mask { cutoff } = material.alpha_mode {
+                flags |= MATERIAL_ALPHA_MASK;
+                alpha_cutoff = cutoff;
+            }
+            let mut absorption = Vec3::ZERO;
+            if let Some(volume) = material.volume {
+                flags |= MATERIAL_SOLID;
+                // Beer–Lambert: attenuation_color = exp(−σ · attenuation_distance).
+                let color = volume.attenuation_color.max(Vec3::splat(1e-10));
+                absorption = -color.map(f32::ln) / volume.attenuation_distance;
+            }
+            materials.push(shaders::Material {
+                base_color: material.base_color.truncate().to_array(),
+                alpha: material.base_color.w,
+                emission: material.emission.to_array(),
+                roughness: material.roughness,
+                specular_color: material.specular_color.to_array(),
+                specular: material.specular,
+                absorption: absorption.to_array(),
+                metallic: material.metallic,
+                ior: material.ior,
+                transmission: material.transmission,
+                alpha_cutoff,
+                flags,
+                base_color_texture,
+            });
+        }
+        Ok((materials, textures))
+    }
+}
+
+fn instances(geometry: &Geometry) -> Vec<shaders::Instance> {
+    geometry
+        .instances
+        .iter()
+        .map(|placed| shaders::Instance {
+            object_to_world: placed.transform.to_cols_array_2d(),
+            first_triangle: geometry.meshes[placed.mesh as usize].first_triangle,
+            orientation: orientation(placed.transform.matrix3),
+        })
+        .collect()
+}
+
+fn orientation(matrix: Mat3A) -> f32 {
+    if matrix.determinant() < 0.0 { -1.0 } else { 1.0 }
+}
+
+fn triangles(scene: &Scene, geometry: &Geometry) -> Vec<shaders::Triangle> {
+    let merged = geometry.meshes.first().map_or(0, |range| range.triangle_count as usize);
+    let records = geometry.triangles.iter().zip(&geometry.source).enumerate();
+    records
+        .map(|(index, (&vertices, source))| {
+            let mut material = scene.meshes[source.mesh as usize].materials[source.triangle as usize];
+            let transform = &scene.instances[source.instance as usize].transform;
+            if index < merged && orientation(transform.matrix3) < 0.0 {
+                material |= TRIANGLE_MIRRORED;
+            }
+            shaders::Triangle { vertices, material }
+        })
+        .collect()
+}
+
+/// Vertex attributes in the order of [`Geometry::positions`]; empty where no mesh has any.
+#[derive(Default)]
+struct Attributes {
+    normals: Vec<Vec3>,
+    uv0: Vec<Vec2>,
+    uv1: Vec<Vec2>,
+    colors: Vec<Vec4>,
+}
+
+impl Attributes {
+    fn of(scene: &Scene, geometry: &Geometry) -> Self {
+        fn sized<T: Clone>(wanted: bool, count: usize, fill: T) -> Vec<T> {
+            vec![fill; if wanted { count } else { 0 }]
+        }
+        let count = geometry.positions.len();
+        let meshes = &scene.meshes;
+        let mut attributes = Self {
+            normals: sized(meshes.iter().any(|m| !m.normals.is_empty()), count, Vec3::ZERO),
+            uv0: sized(meshes.iter().any(|m| !m.uv0.is_empty()), count, Vec2::ZERO),
+            uv1: sized(meshes.iter().any(|m| !m.uv1.is_empty()), count, Vec2::ZERO),
+            colors: sized(meshes.iter().any(|m| !m.colors.is_empty()), count, Vec4::ONE),
+        };
+        let merged = geometry.meshes.first().map_or(0, |range| range.triangle_count as usize);
+        for (index, (to, source)) in geometry.triangles.iter().zip(&geometry.source).enumerate() {
+            let mesh = &meshes[source.mesh as usize];
+            let from = mesh.triangles[source.triangle as usize];
+            let normal_matrix = (index < merged && !mesh.normals.is_empty())
+                .then(|| cofactor(scene.instances[source.instance as usize].transform.matrix3.into()));
+            for (&to, from) in to.iter().zip(from) {
+                let (to, from) = (to as usize, from as usize);
+                if let Some(&normal) = mesh.normals.get(from) {
+                    attributes.normals[to] =
+                        normal_matrix.map_or(normal, |m| (m * normal).normalize_or_zero());
+                }
+                if let Some(&uv) = mesh.uv0.get(from) {
+                    attributes.uv0[to] = uv;
+                }
+                if let Some(&uv) = mesh.uv1.get(from) {
+                    attributes.uv1[to] = uv;
+                }
+                if let Some(&color) = mesh.colors.get(from) {
+                    attributes.colors[to] = color;
+                }
+            }
+        }
+        attributes
+    }
+}
+
+/// Carries normals under any scaling, mirrored transforms included.
+fn cofactor(m: Mat3) -> Mat3 {
+    let sign = orientation(m.into());
+    sign * Mat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
+fn texture_record(texture: &TextureRef, texels: u64, size: [u32; 2]) -> shaders::Texture {
+    let wrap = |mode| match mode {
+        Wrap::Repeat => 0,
+        Wrap::MirroredRepeat => 1,
+        Wrap::ClampToEdge => 2,
+    };
+    let sampler = texture.sampler;
+    let mut flags =
+        wrap(sampler.wrap_u) << TEXTURE_WRAP_U_SHIFT | wrap(sampler.wrap_v) << TEXTURE_WRAP_V_SHIFT;
+    if sampler.filter == Filter::Nearest {
+        flags |= TEXTURE_NEAREST;
+    }
+    if texture.uv_set == 1 {
+        flags |= TEXTURE_UV1;
+    }
+    let rows = texture.transform.to_affine();
+    let (m, offset) = (rows.matrix2, rows.translation);
+    shaders::Texture {
+        texels,
+        size,
+        transform_u: [m.x_axis.x, m.y_axis.x, offset.x],
+        transform_v: [m.x_axis.y, m.y_axis.y, offset.y],
+        flags,
+        padding0: 0,
+    }
+}
+
+/// Lights with their flux and the distribution they are chosen by: in proportion to power. Lights that give
+/// none are left out. What a directional light emits is what falls on the disc of `radius` (m).
+fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
+    let shining = lights.iter().filter(|light| light.intensity.max_element() > 0.0);
+    let mut records: Vec<_> = shining
+        .map(|light| {
+            let (kind, inner, outer, extent) = match light.kind {
+                LightKind::Point => (0, 0.0, PI, 4.0 * PI),
+                // The fall-off is the square of a linear function of cosθ between the cones.
+                LightKind::Spot { inner, outer } => {
+                    let (i, o) = (inner.cos(), outer.cos());
+                    (1, inner, outer, 2.0 * PI * ((1.0 - i) + (i - o) / 3.0))
+                }
+                LightKind::Directional => (2, 0.0, PI, PI * radius * radius),
+            };
+            shaders::Light {
+                position: light.position.to_array(),
+                kind,
+                direction: light.direction.to_array(),
+                // Apart, since kernels divide by the difference.
+                cos_inner: inner.cos().max(outer.cos().next_up()),
+                intensity: light.intensity.to_array(),
+                cos_outer: outer.cos(),
+                flux: (light.intensity * extent).to_array(),
+                power_cdf: 0.0,
+            }
+        })
+        .collect();
+    let power = |light: &shaders::Light| light.flux.iter().map(|&f| f64::from(f)).sum::<f64>();
+    let total: f64 = records.iter().map(power).sum();
+    let mut sum = 0.0;
+    for record in &mut records {
+        sum += power(record);
+        record.power_cdf = (sum / total) as f32;
+    }
+    if let Some(last) = records.last_mut() {
+        last.power_cdf = 1.0;
+    }
+    records
+}

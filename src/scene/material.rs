@@ -1,0 +1,182 @@
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+
+/// glTF metallic-roughness with the extensions named at each field. Colours are linear Rec. 709.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// As in the file.
+    pub name: String,
+    /// Base colour and alpha, multiplied by texture and vertex colour.
+    pub base_color: Vec4,
+    /// Base colour texture (sRGB texels).
+    pub base_color_texture: Option<TextureRef>,
+    /// 0 dielectric … 1 metal.
+    pub metallic: f32,
+    /// Perceptual roughness; GGX α is its square.
+    pub roughness: f32,
+    /// Emitted radiance (W/(sr·m²)), `KHR_materials_emissive_strength` multiplied in.
+    pub emission: Vec3,
+    /// Index of refraction (`KHR_materials_ior`), 1.5 by default, at least 1. The extension's special value 0
+    /// (reflect everything) is loaded as 1e6, of which all formulas make a reflectance of 1.
+    pub ior: f32,
+    /// Share of the light entering a dielectric that passes on (`KHR_materials_transmission`).
+    pub transmission: f32,
+    /// A solid body that refracts (`KHR_materials_volume` with thickness > 0); a thin wall otherwise.
+    pub volume: Option<Volume>,
+    /// Factor on the dielectric reflection (`KHR_materials_specular`).
+    pub specular: f32,
+    /// Colour of the dielectric reflection at normal incidence (`KHR_materials_specular`).
+    pub specular_color: Vec3,
+    /// Base colour is emitted as is and nothing is reflected (`KHR_materials_unlit`).
+    pub unlit: bool,
+    /// Emission leaves both sides. Every surface blocks and scatters on both sides whatever this says.
+    pub double_sided: bool,
+    /// What alpha means.
+    pub alpha_mode: AlphaMode,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            emission: Vec3::ZERO,
+            ior: 1.5,
+            transmission: 0.0,
+            volume: None,
+            specular: 1.0,
+            specular_color: Vec3::ONE,
+            unlit: false,
+            double_sided: false,
+            alpha_mode: AlphaMode::Opaque,
+        }
+    }
+}
+
+impl Material {
+    /// A Lambertian surface of albedo `albedo` that reflects on both sides and has no specular lobe.
+    #[must_use]
+    pub fn diffuse(name: impl Into<String>, albedo: Vec3) -> Self {
+        Self {
+            name: name.into(),
+            base_color: albedo.extend(1.0),
+            metallic: 0.0,
+            specular: 0.0,
+            double_sided: true,
+            ..Self::default()
+        }
+    }
+}
+
+/// The inside of a solid dielectric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Volume {
+    /// Distance (m) over which white light takes on `attenuation_color`; infinite: clear.
+    pub attenuation_distance: f32,
+    /// Colour of white light after `attenuation_distance`.
+    pub attenuation_color: Vec3,
+}
+
+/// What a surface's alpha means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlphaMode {
+    /// Ignored.
+    Opaque,
+    /// Below the cutoff there is a hole.
+    Mask {
+        /// Alpha from which the surface exists.
+        cutoff: f32,
+    },
+    /// Partial coverage; treated as opaque by methods that do not model it, said in the scene's notes.
+    Blend,
+}
+
+/// Use of an image by a material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureRef {
+    /// Index into the scene's images.
+    pub image: u32,
+    /// Texture coordinate set, 0 or 1.
+    pub uv_set: u32,
+    /// Filtering and wrapping.
+    pub sampler: Sampler,
+    /// `KHR_texture_transform`; identity otherwise.
+    pub transform: TextureTransform,
+}
+
+/// `KHR_texture_transform`: uv' = T · R · S · uv, as the extension defines them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureTransform {
+    /// Translation in texture coordinates.
+    pub offset: Vec2,
+    /// Counter-clockwise rotation about the origin (radians).
+    pub rotation: f32,
+    /// Scale in texture coordinates.
+    pub scale: Vec2,
+}
+
+impl Default for TextureTransform {
+    fn default() -> Self {
+        Self { offset: Vec2::ZERO, rotation: 0.0, scale: Vec2::ONE }
+    }
+}
+
+impl TextureTransform {
+    /// Texture coordinates in the file to those in the image. Rotation is counter-clockwise as seen on the image,
+    /// whose v points down.
+    #[must_use]
+    pub fn to_affine(self) -> Affine2 {
+        let (sin, cos) = self.rotation.sin_cos();
+        let columns =
+            Mat2::from_cols(Vec2::new(cos, -sin) * self.scale.x, Vec2::new(sin, cos) * self.scale.y);
+        Affine2::from_mat2_translation(columns, self.offset)
+    }
+}
+
+/// Sampler state; there are no mip levels, so minification follows `filter` too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sampler {
+    /// Between texels.
+    pub filter: Filter,
+    /// Outside [0, 1] in u.
+    pub wrap_u: Wrap,
+    /// Outside [0, 1] in v.
+    pub wrap_v: Wrap,
+}
+
+/// Texel filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// The nearest texel.
+    Nearest,
+    /// Bilinear, in linear light.
+    #[default]
+    Linear,
+}
+
+/// Texture coordinate wrapping.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// Tiled.
+    #[default]
+    Repeat,
+    /// Tiled, every second tile mirrored.
+    MirroredRepeat,
+    /// Edge texels go on.
+    ClampToEdge,
+}
+
+/// 8-bit RGBA texels, row 0 at the top, sRGB-encoded colour and linear alpha.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// URI or name.
+    pub name: String,
+    /// Width in texels.
+    pub width: u32,
+    /// Height in texels.
+    pub height: u32,
+    /// `width * height` texels.
+    pub texels: Vec<[u8; 4]>,
+}

@@ -1,0 +1,33 @@
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+
+/// Triangles in object space. Attribute vectors are empty where the mesh has none, else one a vertex.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// As in the file, or made up.
+    pub name: String,
+    /// Vertex positions (m).
+    pub positions: Vec<Vec3>,
+    /// Shading normals, unit length; a zero vector (or an empty vector) means the triangle's own normal.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, set 0.
+    pub uv0: Vec<Vec2>,
+    /// Texture coordinates, set 1.
+    pub uv1: Vec<Vec2>,
+    /// Linear RGBA that multiplies the base colour.
+    pub colors: Vec<Vec4>,
+    /// Vertex indices, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Material of each triangle, as long as `triangles`.
+    pub materials: Vec<u32>,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// The node's name.
+    pub name: String,
+    /// Index into the scene's meshes.
+    pub mesh: u32,
+    /// Object to world. May mirror (negative determinant); the front side is then flipped as glTF says.
+    pub transform: Affine3A,
+}

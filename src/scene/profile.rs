@@ -1,0 +1,128 @@
+use super::{AlphaMode, LightKind, Material, Scene};
+use glam::Vec3;
+
+/// What a scene needs from a renderer; whatever it does not need is left out of the pipeline. Only materials of
+/// at least one triangle count.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct SceneProfile {
+    /// Triangles in the world, each instance counted.
+    pub triangles: usize,
+    /// Vertices of all meshes, instances not counted.
+    pub vertices: usize,
+    /// Instances.
+    pub instances: usize,
+    /// Materials.
+    pub materials: usize,
+    /// Base colour textures.
+    pub textures: bool,
+    /// Textures that use the second coordinate set.
+    pub uv1: bool,
+    /// Vertex colours.
+    pub vertex_colors: bool,
+    /// Shading normals other than the triangles' own.
+    pub smooth_normals: bool,
+    /// A mesh with more than one instance.
+    pub instanced: bool,
+    /// Opaque materials with a specular lobe as smooth as a mirror.
+    pub mirrors: bool,
+    /// Materials that transmit light.
+    pub glass: bool,
+    /// Transmitting materials that are solid bodies.
+    pub volumes: bool,
+    /// Materials with holes.
+    pub alpha_mask: bool,
+    /// Materials that emit light.
+    pub emission: bool,
+    /// Materials that show their base colour as it is.
+    pub unlit: bool,
+    /// Specular lobes too rough for a mirror.
+    pub rough_lobes: bool,
+    /// Point lights.
+    pub point_lights: usize,
+    /// Spot lights.
+    pub spot_lights: usize,
+    /// Directional lights.
+    pub directional_lights: usize,
+}
+
+impl SceneProfile {
+    /// Reads the profile off a valid scene; specular lobes of at most `mirror_roughness` (0…1) are mirrors.
+    #[must_use]
+    pub fn of(scene: &Scene, mirror_roughness: f32) -> Self {
+        let mut uses = vec![0_usize; scene.meshes.len()];
+        for instance in &scene.instances {
+            uses[instance.mesh as usize] += 1;
+        }
+        let mut used = vec![false; scene.materials.len()];
+        let mut profile = Self { instances: scene.instances.len(), ..Self::default() };
+        for (mesh, &uses) in scene.meshes.iter().zip(&uses).filter(|&(_, &uses)| uses > 0) {
+            profile.triangles += uses * mesh.triangles.len();
+            profile.vertices += mesh.positions.len();
+            profile.instanced |= uses > 1;
+            profile.vertex_colors |= !mesh.colors.is_empty();
+            profile.smooth_normals |= mesh.normals.iter().any(|&normal| normal != Vec3::ZERO);
+            for &material in &mesh.materials {
+                used[material as usize] = true;
+            }
+        }
+        for material in
+            scene.materials.iter().zip(used).filter_map(|(material, used)| used.then_some(material))
+        {
+            profile.add(material, mirror_roughness);
+        }
+        for light in &scene.lights {
+            *match light.kind {
+                LightKind::Point => &mut profile.point_lights,
+                LightKind::Spot { .. } => &mut profile.spot_lights,
+                LightKind::Directional => &mut profile.directional_lights,
+            } += 1;
+        }
+        profile
+    }
+
+    fn add(&mut self, material: &Material, mirror_roughness: f32) {
+        self.materials += 1;
+        self.textures |= material.base_color_texture.is_some();
+        self.uv1 |= material.base_color_texture.is_some_and(|texture| texture.uv_set == 1);
+        self.alpha_mask |= matches!(material.alpha_mode, AlphaMode::Mask { .. });
+        if material.unlit {
+            self.unlit = true;
+            return;
+        }
+        self.emission |= material.emission != Vec3::ZERO;
+        let dielectric =
+            material.specular * material.specular_color.max_element() > 0.0 && material.ior > 1.0;
+        let specular = material.metallic > 0.0 || dielectric;
+        let smooth = material.roughness <= mirror_roughness;
+        let glass = material.transmission > 0.0 && material.metallic < 1.0;
+        self.mirrors |= specular && smooth && !glass;
+        self.rough_lobes |= specular && !smooth;
+        self.glass |= glass;
+        self.volumes |= glass && material.volume.is_some();
+    }
+
+    /// One line for each thing that is left out of the pipeline, and why.
+    #[must_use]
+    pub fn explain(&self) -> Vec<String> {
+        let textured_or_colored = self.textures || self.vertex_colors;
+        let reasons = [
+            (!self.mirrors && !self.glass, "no mirrors or glass: no specular bounces"),
+            (self.mirrors && !self.glass, "no glass: no refraction"),
+            (self.glass && !self.volumes, "no solid glass: panes are crossed straight, no absorption"),
+            (!self.textures, "no textures: no sampling, no texture coordinates"),
+            (self.textures && !self.uv1, "no texture uses the second coordinate set: it is not uploaded"),
+            (!self.vertex_colors, "no vertex colours: they are not read"),
+            (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),
+            (!self.smooth_normals, "no shading normals: triangles' own normals"),
+            (!self.alpha_mask, "no alpha masks: every triangle is opaque to rays"),
+            (!self.instanced, "every mesh is there once: no two-level traversal"),
+            (!self.emission, "no emission: none is added to what the camera sees"),
+            (!self.unlit, "no unlit materials: every surface is shaded"),
+            (self.point_lights == 0, "no point lights"),
+            (self.spot_lights == 0, "no spot lights"),
+            (self.directional_lights == 0, "no directional lights"),
+            (self.rough_lobes, "specular lobes rougher than a mirror: not modelled, their light is missing"),
+        ];
+        reasons.iter().filter(|(holds, _)| *holds).map(|(_, why)| (*why).to_owned()).collect()
+    }
+}

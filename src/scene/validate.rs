@@ -1,0 +1,274 @@
+//! The ranges a scene's values must keep, for files and for scenes made in code alike.
+
+use super::{
+    AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
+};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::path::Path;
+
+/// Most triangles a scene may have, each instance counted.
+pub const MAX_TRIANGLES: usize = 1 << 28;
+/// Most vertices of all meshes together.
+pub const MAX_VERTICES: usize = 1 << 28;
+/// Largest side of an image (texels).
+pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
+/// Most texels of all images together.
+pub const MAX_TEXELS: usize = 1 << 29;
+/// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
+/// and lights may be ten times as far.
+pub const MAX_COORDINATE: f32 = 1e9;
+
+/// `Err(problem)`; the caller knows which element it concerns.
+pub(super) type Checked = Result<(), String>;
+
+fn within(what: &str, value: f32, low: f32, high: f32) -> Checked {
+    if (low..=high).contains(&value) && value.is_finite() {
+        return Ok(());
+    }
+    let expected = if high.is_infinite() { format!("at least {low}") } else { format!("{low} to {high}") };
+    Err(format!("{what} is {value}, expected {expected}"))
+}
+
+fn all_within(what: &str, values: &[f32], low: f32, high: f32) -> Checked {
+    values.iter().try_for_each(|&value| within(what, value, low, high))
+}
+
+/// The first element that is not finite.
+pub(super) fn finite<T: Copy + std::fmt::Debug>(what: &str, values: &[T], ok: impl Fn(T) -> bool) -> Checked {
+    match values.iter().position(|&value| !ok(value)) {
+        Some(i) => Err(format!("{what} {i} is not finite: {:?}", values[i])),
+        None => Ok(()),
+    }
+}
+
+impl Material {
+    /// Checks all factors; textures' images are the scene's to check.
+    pub(super) fn check(&self) -> Checked {
+        all_within("base colour", &self.base_color.to_array(), 0.0, 1.0)?;
+        within("metallic", self.metallic, 0.0, 1.0)?;
+        within("roughness", self.roughness, 0.0, 1.0)?;
+        all_within("emission", &self.emission.to_array(), 0.0, f32::INFINITY)?;
+        within("index of refraction", self.ior, 1.0, f32::INFINITY)?;
+        within("transmission", self.transmission, 0.0, 1.0)?;
+        within("specular factor", self.specular, 0.0, 1.0)?;
+        all_within("specular colour", &self.specular_color.to_array(), 0.0, f32::INFINITY)?;
+        if let Some(volume) = self.volume {
+            let distance = volume.attenuation_distance;
+            if distance.is_nan() || distance <= 0.0 {
+                return Err(format!("attenuation distance is {distance}, expected more than 0"));
+            }
+            all_within("attenuation colour", &volume.attenuation_color.to_array(), 0.0, 1.0)?;
+        }
+        if let AlphaMode::Mask { cutoff } = self.alpha_mode {
+            within("alpha cutoff", cutoff, 0.0, f32::INFINITY)?;
+        }
+        if let Some(texture) = self.base_color_texture {
+            texture.check()?;
+        }
+        Ok(())
+    }
+}
+
+impl TextureRef {
+    fn check(&self) -> Checked {
+        let t = self.transform;
+        if !(t.offset.is_finite() && t.rotation.is_finite() && t.scale.is_finite()) {
+            return Err("texture transform is not finite".into());
+        }
+        if self.uv_set > 1 {
+            return Err(format!("texture coordinate set {} of a texture, expected 0 or 1", self.uv_set));
+        }
+        Ok(())
+    }
+}
+
+impl Light {
+    pub(super) fn check(&self) -> Checked {
+        all_within("intensity", &self.intensity.to_array(), 0.0, f32::INFINITY)?;
+        if !matches!(self.kind, LightKind::Directional) {
+            within_reach("position", self.position, 10.0 * MAX_COORDINATE)?;
+        }
+        if !matches!(self.kind, LightKind::Point) && !self.direction.is_normalized() {
+            return Err(format!("direction {} is not a unit vector", self.direction));
+        }
+        if let LightKind::Spot { inner, outer } = self.kind {
+            within("outer cone angle", outer, 0.0, FRAC_PI_2)?;
+            if !(inner >= 0.0 && inner < outer) {
+                return Err(format!(
+                    "inner cone angle is {inner}, expected at least 0 and less than the outer, {outer}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl View {
+    pub(super) fn check(&self) -> Checked {
+        match *self {
+            Self::Perspective { yfov } if yfov > 0.0 && yfov < PI => Ok(()),
+            Self::Perspective { yfov } => {
+                Err(format!("yfov is {yfov}, expected more than 0 and less than π radians"))
+            }
+            Self::Orthographic { ymag } if ymag > 0.0 && ymag <= MAX_COORDINATE => Ok(()),
+            Self::Orthographic { ymag } => Err(format!("ymag is {ymag}, expected more than 0")),
+        }
+    }
+}
+
+impl Camera {
+    pub(super) fn check(&self) -> Checked {
+        self.view.check()?;
+        within_reach("position", self.transform.translation.into(), 10.0 * MAX_COORDINATE)?;
+        let m = self.transform.matrix3;
+        let off = (m.transpose() * m - glam::Mat3A::IDENTITY).to_cols_array();
+        if off.iter().all(|e| e.abs() < 1e-3) && m.determinant() > 0.0 {
+            return Ok(());
+        }
+        Err("its transform is not rigid".into())
+    }
+}
+
+impl Image {
+    fn check(&self) -> Checked {
+        for side in [self.width, self.height] {
+            if side == 0 || side > MAX_IMAGE_SIDE {
+                return Err(format!(
+                    "{}×{} texels, expected 1 to {MAX_IMAGE_SIDE} a side",
+                    self.width, self.height
+                ));
+            }
+        }
+        if self.texels.len() != self.width as usize * self.height as usize {
+            return Err(format!("{} texels for {}×{}", self.texels.len(), self.width, self.height));
+        }
+        Ok(())
+    }
+}
+
+impl Mesh {
+    fn check(&self, materials: usize) -> Checked {
+        let vertices = self.positions.len();
+        let lengths = [
+            ("normals", self.normals.len()),
+            ("uv0", self.uv0.len()),
+            ("uv1", self.uv1.len()),
+            ("colors", self.colors.len()),
+        ];
+        for (what, length) in lengths {
+            if length != 0 && length != vertices {
+                return Err(format!("{length} {what} for {vertices} vertices"));
+            }
+        }
+        finite("position", &self.positions, Vec3::is_finite)?;
+        finite("uv0", &self.uv0, Vec2::is_finite)?;
+        finite("uv1", &self.uv1, Vec2::is_finite)?;
+        finite("color", &self.colors, Vec4::is_finite)?;
+        let unit = |n: Vec3| n == Vec3::ZERO || (n.length_squared() - 1.0).abs() < 1e-2;
+        if let Some(i) = self.normals.iter().position(|&n| !unit(n)) {
+            return Err(format!("normal {i} is neither a unit vector nor zero: {}", self.normals[i]));
+        }
+        if let Some(i) = self.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= vertices)) {
+            return Err(format!(
+                "triangle {i} is {:?}, but there are {vertices} vertices",
+                self.triangles[i]
+            ));
+        }
+        if self.materials.len() != self.triangles.len() {
+            return Err(format!("{} materials for {} triangles", self.materials.len(), self.triangles.len()));
+        }
+        if let Some(i) = self.materials.iter().position(|&m| m as usize >= materials) {
+            return Err(format!(
+                "triangle {i} is of material {}, but there are {materials}",
+                self.materials[i]
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn within_reach(what: &str, point: Vec3, limit: f32) -> Checked {
+    if point.abs().max_element() <= limit && point.is_finite() {
+        return Ok(());
+    }
+    Err(format!("{what} {point} is not within {limit} m of the origin"))
+}
+
+/// Whether `transform` can be inverted in 32-bit floats; a flattening or vanishing one can't.
+pub(super) fn invertible(transform: &Affine3A) -> bool {
+    let m = transform.matrix3.as_dmat3();
+    let largest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
+    let relative = m.determinant() / largest.powi(3);
+    relative.abs() > 1e-12 && transform.matrix3.determinant().is_normal()
+}
+
+impl Scene {
+    /// Checks what renderers rely on: indices between the scene's parts, lengths of attributes, values finite
+    /// and in their ranges, transforms invertible, sizes within [`MAX_TRIANGLES`], [`MAX_VERTICES`],
+    /// [`MAX_TEXELS`], [`MAX_IMAGE_SIDE`] and [`MAX_COORDINATE`].
+    ///
+    /// # Errors
+    /// The first defect; its file is `scene`.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let fail = |element: String, problem: String| SceneError::new(Path::new("scene"), element, problem);
+        for (i, mesh) in self.meshes.iter().enumerate() {
+            mesh.check(self.materials.len()).map_err(|problem| fail(format!("meshes[{i}]"), problem))?;
+        }
+        for (i, material) in self.materials.iter().enumerate() {
+            let image = material.base_color_texture.map(|texture| texture.image);
+            let known = image.is_none_or(|image| (image as usize) < self.images.len());
+            material
+                .check()
+                .and(known.then_some(()).ok_or_else(|| format!("its image {image:?} is not there")))
+                .map_err(|problem| fail(format!("materials[{i}]"), problem))?;
+        }
+        for (i, image) in self.images.iter().enumerate() {
+            image.check().map_err(|problem| fail(format!("images[{i}]"), problem))?;
+        }
+        for (i, light) in self.lights.iter().enumerate() {
+            light.check().map_err(|problem| fail(format!("lights[{i}]"), problem))?;
+        }
+        for (i, camera) in self.cameras.iter().enumerate() {
+            camera.check().map_err(|problem| fail(format!("cameras[{i}]"), problem))?;
+        }
+        self.check_sizes().map_err(|problem| fail("size".into(), problem))?;
+        let mut triangles = 0_usize;
+        for (i, instance) in self.instances.iter().enumerate() {
+            let element = || format!("instances[{i}] ({})", instance.name);
+            let Some(mesh) = self.meshes.get(instance.mesh as usize) else {
+                return Err(fail(
+                    element(),
+                    format!("mesh {}, but there are {}", instance.mesh, self.meshes.len()),
+                ));
+            };
+            triangles = triangles.saturating_add(mesh.triangles.len());
+            if triangles > MAX_TRIANGLES {
+                return Err(fail(element(), format!("more than {MAX_TRIANGLES} triangles up to here")));
+            }
+            if !instance.transform.is_finite() {
+                return Err(fail(element(), "its transform is not finite".into()));
+            }
+            if !invertible(&instance.transform) {
+                return Err(fail(element(), "its transform can't be inverted".into()));
+            }
+            for &position in &mesh.positions {
+                within_reach("a vertex at", instance.transform.transform_point3(position), MAX_COORDINATE)
+                    .map_err(|problem| fail(element(), problem))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_sizes(&self) -> Checked {
+        let vertices: usize = self.meshes.iter().map(|mesh| mesh.positions.len()).sum();
+        if vertices > MAX_VERTICES {
+            return Err(format!("{vertices} vertices, expected at most {MAX_VERTICES}"));
+        }
+        let texels: usize = self.images.iter().map(|image| image.texels.len()).sum();
+        if texels > MAX_TEXELS {
+            return Err(format!("{texels} texels, expected at most {MAX_TEXELS}"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,65 @@
+//! The scene as a whole, in the world: triangles, extent, and the camera and light it gets where it has none.
+
+use super::{Camera, Light, LightKind, Scene};
+use glam::Vec3;
+use std::f32::consts::{FRAC_PI_4, PI};
+
+impl Scene {
+    /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order. In a mirroring
+    /// instance (negative determinant) the front side sees them clockwise.
+    pub fn world_triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
+        self.instances.iter().flat_map(|instance| {
+            let mesh = &self.meshes[instance.mesh as usize];
+            let vertex = move |v: u32| instance.transform.transform_point3(mesh.positions[v as usize]);
+            mesh.triangles.iter().map(move |triangle| triangle.map(vertex))
+        })
+    }
+
+    /// Smallest and largest coordinates (m) of all triangles in the world; none without triangles.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let corners = self.world_triangles().flatten().map(|p| (p, p));
+        corners.reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
+    }
+
+    /// Area of all triangles in the world (m²), one side each.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.world_triangles()
+            .map(|[a, b, c]| 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length())
+            .sum()
+    }
+
+    /// A perspective camera of 45° named `framed` that sees the whole scene from the front, a little from
+    /// above and the right, in any picture at least as wide as high.
+    #[must_use]
+    pub fn frame_camera(&self) -> Camera {
+        let (low, high) = self.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
+        let radius = 0.5 * (high - low).length();
+        let distance = 1.02 * radius / (0.5 * FRAC_PI_4).sin();
+        let center = low.midpoint(high);
+        Camera::look_at(
+            "framed",
+            center + distance * Vec3::new(0.4, 0.35, 1.0).normalize(),
+            center,
+            FRAC_PI_4,
+        )
+    }
+
+    /// Adds a white point light at `camera`, for scenes without lights. A white diffuse surface that faces it
+    /// at the distance d of the scene's centre (at least half the scene's radius) gets irradiance π W/m² and
+    /// reflects radiance 1, so its intensity is π d² W/sr.
+    pub fn add_headlight(&mut self, camera: &Camera) {
+        let position = Vec3::from(camera.transform.translation);
+        let (low, high) = self.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
+        let distance = position.distance(low.midpoint(high)).max(0.25 * (high - low).length());
+        self.notes.push("the scene has no lights: it is lit by a point light at the camera".into());
+        self.lights.push(Light {
+            name: "headlight".into(),
+            kind: LightKind::Point,
+            position,
+            direction: Vec3::NEG_Z,
+            intensity: Vec3::splat(PI * distance * distance),
+        });
+    }
+}

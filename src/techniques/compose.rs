@@ -1,0 +1,55 @@
+//! Parts into a picture: beauty = direct + specular + albedo/π · irradiance, all radiance (W/(sr·m²)).
+
+use super::gbuffer::GBuffer;
+use crate::graph::{Graph, Grid, Image, Res};
+use crate::shaders::compose as kernels;
+
+/// Sums what reaches the camera.
+pub fn beauty(
+    g: &mut Graph<'_>,
+    gb: &GBuffer,
+    direct: Res<Image>,
+    specular: Option<Res<Image>>,
+    irradiance: Res<Image>,
+) -> Res<Image> {
+    g.group("compose", |g| {
+        let out = g.image("beauty", g.desc(direct));
+        let bind = kernels::beauty::Bind {
+            direct,
+            // Unread where there is none.
+            specular: specular.unwrap_or(direct),
+            irradiance,
+            albedo: gb.albedo,
+            out_radiance: out,
+        };
+        let kernel = kernels::beauty::kernel(kernels::beauty::Spec { specular: specular.is_some() });
+        g.pass("beauty", &kernel, bind, kernels::beauty::Params {}, Grid::Over(out));
+        out
+    })
+}
+
+/// Indirect radiance at primary hits by itself.
+pub fn indirect(g: &mut Graph<'_>, gb: &GBuffer, irradiance: Res<Image>) -> Res<Image> {
+    g.group("compose", |g| {
+        let out = g.image("indirect", g.desc(irradiance));
+        let bind = kernels::indirect::Bind { irradiance, albedo: gb.albedo, out_radiance: out };
+        g.pass("indirect", &kernels::indirect::kernel(), bind, kernels::indirect::Params {}, Grid::Over(out));
+        out
+    })
+}
+
+/// Takes `value` into the running mean of `count` samples before it.
+pub fn accumulate(g: &mut Graph<'_>, value: Res<Image>, mean: Res<Image>, count: u32) {
+    g.group("compose", |g| {
+        let bind = kernels::accumulate::Bind { value, mean };
+        let params = kernels::accumulate::Params { count };
+        g.pass("accumulate", &kernels::accumulate::kernel(), bind, params, Grid::Over(value));
+    });
+}
+
+/// An image like `like` without any light.
+pub fn black(g: &mut Graph<'_>, like: Res<Image>) -> Res<Image> {
+    let out = g.image("black", g.desc(like));
+    g.clear_image("black", out);
+    out
+}

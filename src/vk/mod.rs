@@ -1,0 +1,35 @@
+//! The Vulkan layer: the only owner of Vulkan objects.
+//!
+//! A [`Device`] is chosen by score or by name, reports in one message what it lacks, and hands out
+//! [`Buffer`]s, [`Image`]s and [`Heap`]s that free themselves. [`Pipelines`] turns [`KernelCode`] into
+//! compute pipelines, with a cache on disk.
+//!
+//! # Objects in use
+//!
+//! Dropping a Vulkan object destroys it at once. Whoever records a command buffer keeps everything it
+//! names alive until its [`Submission`] has been waited for; dropping a `Submission` waits.
+
+pub(crate) mod accel;
+mod cache;
+mod command;
+mod debug;
+mod device;
+mod error;
+mod kernel;
+mod memory;
+mod pipeline;
+mod select;
+#[cfg(test)]
+mod tests;
+
+pub use accel::AccelerationStructure;
+pub use cache::cache_folder;
+pub use command::{CommandBuffer, Submission, TimestampPool};
+pub use debug::ValidationLog;
+pub use device::{Device, DeviceOptions, enumerate};
+pub use error::Error;
+pub use kernel::{Access, Backend, Binding, BindingKind, Format, KernelCode, Modules, ParamMember};
+pub(crate) use memory::COLOR_RANGE;
+pub use memory::{Buffer, Heap, Image, MemoryKind, MemoryReport, Requirements};
+pub use pipeline::{Pipeline, Pipelines, SceneSet};
+pub use select::{DeviceInfo, DeviceKind};

@@ -1,0 +1,743 @@
+//! The command line, as a user meets it: exit codes, files, and what is printed where.
+
+mod common;
+
+use exr::meta::attribute::AttributeValue;
+use exr::prelude::{ReadChannels, ReadLayers, Vec2, read};
+use parhelion::config::RenderConfig;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+/// Settings that render in no time.
+const SMALL: [&str; 6] = ["--size", "32x24", "--vpls", "9", "--bounces", "2"];
+
+/// A wall at z = 0 (at −1 in scene `deep`, which has no light), a camera `Far` at 4 and one `Near` at 2.
+const WALL: &str = r#"{
+  "asset": { "version": "2.0" }, "scene": 0,
+  "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_specular"],
+  "scenes": [{ "name": "shallow", "nodes": [0, 1, 2, 3] }, { "name": "deep", "nodes": [4, 1, 2] }],
+  "nodes": [
+    { "name": "wall", "mesh": 0 },
+    { "name": "Far", "camera": 0, "translation": [0, 0, 4] },
+    { "name": "Near", "camera": 0, "translation": [0, 0, 2] },
+    { "name": "lamp", "translation": [0, 1, 3], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+    { "name": "back wall", "mesh": 0, "translation": [0, 0, -1] }
+  ],
+  "cameras": [{ "name": "lens", "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }],
+  "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 10 }] } },
+  "materials": [{
+    "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0 },
+    "extensions": { "KHR_materials_specular": { "specularFactor": 0 } }
+  }],
+  "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+  "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [-9, -9, 0], "max": [9, 9, 0] }],
+  "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+  "buffers": [{ "byteLength": 36, "uri": "data:application/octet-stream;base64,AAAQwQAAEMEAAAAAAAAQQQAAEMEAAAAAAAAAAAAAEEEAAAAA" }]
+}"#;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn empty() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn with_wall() -> Self {
+        let folder = Self::empty();
+        folder.write("wall.gltf", WALL);
+        folder
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path().join(name), text).unwrap();
+    }
+
+    fn names(&self) -> Vec<String> {
+        let names = std::fs::read_dir(self.path()).unwrap();
+        let mut names: Vec<_> = names.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&std::fs::read(self.path().join(name)).unwrap()).unwrap()
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_parhelion"));
+        command.args(args).current_dir(self.path());
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    /// Renders; `args` after the small settings, so that they win.
+    fn render(&self, args: &[&str]) -> Output {
+        let output = self.run(&[&["render"], &SMALL[..], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+        output
+    }
+
+    fn without_driver(&self, args: &[&str]) -> Output {
+        self.command(args)
+            .env("VK_DRIVER_FILES", "/nonexistent")
+            .env("VK_ICD_FILENAMES", "/nonexistent")
+            .output()
+            .unwrap()
+    }
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// Channels, windows and attributes of an OpenEXR file.
+struct Exr {
+    channels: BTreeMap<String, Vec<f32>>,
+    position: Vec2<i32>,
+    size: Vec2<usize>,
+    display: Vec2<usize>,
+    attributes: BTreeMap<String, AttributeValue>,
+}
+
+fn exr(folder: &Folder, name: &str) -> Exr {
+    let image = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    let image = image.from_file(folder.path().join(name)).unwrap();
+    let [layer] = &image.layer_data[..] else { panic!("{} parts", image.layer_data.len()) };
+    assert_eq!(layer.attributes.layer_name, None);
+    let channels = layer
+        .channel_data
+        .list
+        .iter()
+        .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
+    let attributes = &layer.attributes.other;
+    Exr {
+        channels: channels.collect(),
+        position: layer.attributes.layer_position,
+        size: layer.size,
+        display: image.attributes.display_window.size,
+        attributes: attributes.iter().map(|(name, value)| (name.to_string(), value.clone())).collect(),
+    }
+}
+
+fn png(folder: &Folder, name: &str) -> (Vec<u8>, u32, BTreeMap<String, String>) {
+    let file = BufReader::new(std::fs::File::open(folder.path().join(name)).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    let info = reader.info();
+    assert!(info.srgb.is_some() && info.color_type == png::ColorType::Rgb);
+    let texts = info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone())).collect();
+    (pixels, info.width, texts)
+}
+
+/// `part` is what `whole` shows in the window x0, y0, x1, y1.
+fn assert_part<T: PartialEq>(
+    whole: &[T],
+    part: &[T],
+    width: usize,
+    per_pixel: usize,
+    [x0, y0, x1, y1]: [usize; 4],
+) {
+    let cut = (y0..y1).flat_map(|y| &whole[(y * width + x0) * per_pixel..(y * width + x1) * per_pixel]);
+    assert!(cut.eq(part.iter()), "a crop differs from the whole");
+}
+
+#[test]
+fn bad_usage_exits_with_2_names_the_option_and_touches_nothing() {
+    let folder = Folder::empty();
+    for (args, words) in [
+        (&["frobnicate"][..], &["frobnicate"][..]),
+        (&["render", "--frobnicate"], &["--frobnicate"]),
+        (&["render", "--size", "800"], &["--size", "800x600"]),
+        (&["render", "--size", "0x5"], &["--size", "16384"]),
+        (&["render", "--size", "5x16385"], &["--size", "16384"]),
+        (&["render", "--size", "-5x5"], &["--size"]),
+        (&["render", "--method", "magic"], &["--method", "igi"]),
+        (&["render", "--vpls", "0"], &["--vpls"]),
+        (&["render", "--vpls", "-1"], &["--vpls"]),
+        (&["render", "--vpls", "16777217"], &["--vpls"]),
+        (&["render", "--vpls", "1e3"], &["--vpls"]),
+        (&["render", "--bounces", "0"], &["--bounces"]),
+        (&["render", "--min-distance", "nan"], &["--min-distance"]),
+        (&["render", "--min-distance", "inf"], &["--min-distance"]),
+        (&["render", "--min-distance", "-1"], &["--min-distance"]),
+        (&["render", "--exposure", "NaN"], &["--exposure"]),
+        (&["render", "--exposure", "1e9"], &["--exposure"]),
+        (&["render", "--pixel-samples", "0"], &["--pixel-samples"]),
+        (&["render", "--seed", "-1"], &["--seed"]),
+        (&["render", "--repeat", "0"], &["--repeat"]),
+        (&["render", "--crop", "0,0,10"], &["--crop"]),
+        (&["render", "--crop", "5,5,5,9"], &["--crop"]),
+        (&["render", "--size", "8x8", "--crop", "0,0,9,8"], &["--crop", "8x8"]),
+        (&["render", "--eye", "0,0,1"], &["--look-at"]),
+        (&["render", "--eye", "0,0,nan", "--look-at", "0,0,0"], &["--eye"]),
+        (&["render", "--eye", "0,0,1", "--look-at", "0,0,1"], &["--look-at"]),
+        (&["render", "--eye", "0,0,1", "--look-at", "0,0,0", "--fov", "180"], &["--fov"]),
+        (&["render", "--fov", "30"], &["--eye"]),
+        (&["render", "--camera", "a", "--eye", "0,0,1", "--look-at", "0,0,0"], &["--camera", "--eye"]),
+        (&["render", "--aov", "depht", "-o", "a.exr"], &["--aov", "depht", "irradiance"]),
+        (&["render", "--aov", "depth"], &["--aov", ".exr"]),
+        (&["render", "--aov", "N,N", "-o", "a.exr"], &["--aov", "N"]),
+        (&["render", "--backend", "embree"], &["--backend", "ray-query"]),
+        (&["render", "--progress", "dots"], &["--progress"]),
+        (&["render", "--tap", "a.exr"], &["--tap"]),
+        (&["render", "--tap", "a:b=c.png"], &["--tap", "c.png"]),
+        (&["render", "-q", "-v"], &["--quiet"]),
+        (&["render", "-D", "seed"], &["-D", "KEY=VALUE"]),
+        (&["render", "-D", "vpl_shoot.vpls=0"], &["-D vpl_shoot.vpls=0"]),
+        (&["render", "-D", "indirect.min_distance=nan"], &["-D indirect.min_distance=nan"]),
+        (&["render", "-o", "a.jpg"], &["a.jpg", ".png"]),
+        (&["render", "-o", "a"], &["a:", ".png"]),
+        (&["render", "-o", "a.png", "-o", "a.png"], &["a.png", "twice"]),
+        (&["graph", "-o", "a.svg"], &["a.svg", ".dot"]),
+        (&["graph", "--method", "magic"], &["--method"]),
+    ] {
+        let output = folder.run(args);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{args:?}: {message}");
+        assert!(message.starts_with("error: ") && output.stdout.is_empty(), "{args:?}: {message}");
+    }
+    assert!(folder.names().is_empty());
+}
+
+#[test]
+fn bad_scenes_exit_with_2_and_name_the_file() {
+    let folder = Folder::with_wall();
+    folder.write("broken.gltf", "{");
+    for (args, words) in [
+        (&["missing.glb"][..], &["missing.glb"][..]),
+        (&["scene.blend"], &["scene.blend", ".glb"]),
+        (&["builtin:nowhere"], &["nowhere"]),
+        (&["broken.gltf"], &["broken.gltf"]),
+        (&["wall.gltf", "--scene", "third"], &["wall.gltf", "third"]),
+        (&["wall.gltf", "--camera", "Middle"], &["--camera", "Middle", "0: Far", "1: Near"]),
+        (&["wall.gltf", "--camera", "2"], &["--camera"]),
+    ] {
+        for command in [&["render"][..], &["graph"]] {
+            if command == ["graph"] && args.len() > 1 {
+                continue;
+            }
+            let output = folder.run(&[command, args].concat());
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+            assert!(words.iter().all(|word| message.contains(word)), "{args:?}: {message}");
+            assert_eq!(message.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{message}");
+        }
+    }
+    assert_eq!(folder.names(), ["broken.gltf", "wall.gltf"]);
+}
+
+#[test]
+fn unknown_keys_suggest_the_nearest() {
+    let folder = Folder::empty();
+    folder.write("typo.toml", "[vpl_shoot]\nbounce = 2\n");
+    folder.write("range.toml", "vpl_shoot.bounces = 99\n");
+    folder.write("syntax.toml", "seed = 1\nsize = [\n");
+    for (args, words) in [
+        (&["-D", "vpls=90"][..], &["-D vpls=90", "vpl_shoot.vpls"][..]),
+        (&["-D", "indirect.min_dist=1"], &["indirect.min_distance"]),
+        (&["--config", "typo.toml"], &["typo.toml", "vpl_shoot.bounce`", "vpl_shoot.bounces"]),
+        (&["--config", "range.toml"], &["range.toml", "vpl_shoot.bounces", "32"]),
+        (&["--config", "syntax.toml"], &["syntax.toml", "line 2"]),
+        (&["--config", "missing.toml"], &["missing.toml"]),
+    ] {
+        let output = folder.run(&[&["render"], args].concat());
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{args:?}: {message}");
+    }
+}
+
+/// The scene does not exist: an error about the output alone shows that it comes first.
+#[test]
+fn outputs_that_cannot_be_written_are_found_before_the_scene_is_read() {
+    let folder = Folder::empty();
+    std::fs::create_dir(folder.path().join("folder.png")).unwrap();
+    folder.write("file", "");
+    for args in [
+        &["-o", "missing/a.png"][..],
+        &["-o", "folder.png"],
+        &["-o", "file/a.exr"],
+        &["-o", "a.png", "--stats", "missing/s.json"],
+        &["-o", "a.png", "--tap", "a:b=missing/t.exr"],
+    ] {
+        let output = folder.run(&[&["render", "none.glb"], args].concat());
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(
+            args.iter().any(|file| message.contains(file.rsplit('=').next().unwrap())),
+            "{args:?}: {message}"
+        );
+        assert!(!message.contains("none.glb"), "{message}");
+    }
+    assert_eq!(folder.names(), ["file", "folder.png"]);
+}
+
+#[test]
+fn without_a_driver_the_exit_code_is_3_and_the_graph_still_shows() {
+    let folder = Folder::empty();
+    for args in [&["render"][..], &["doctor"], &["doctor", "--json"]] {
+        let output = folder.without_driver(args);
+        assert_eq!(output.status.code(), Some(3), "{args:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("Vulkan"), "{}", stderr(&output));
+    }
+    assert!(folder.names().is_empty());
+    let shown = folder.without_driver(&["graph"]);
+    assert_eq!(shown.status.code(), Some(0), "{}", stderr(&shown));
+    assert!(stdout(&shown).starts_with("digraph"));
+    for file in ["a.dot", "a.json"] {
+        let output = folder.without_driver(&["graph", "--method", "igi", "-o", file]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert!(output.stdout.is_empty());
+    }
+    assert_eq!(std::fs::read(folder.path().join("a.dot")).unwrap(), shown.stdout);
+    assert!(folder.json("a.json")["passes"].is_array());
+}
+
+#[test]
+fn help_knows_every_word_and_needs_no_device() {
+    let folder = Folder::empty();
+    let output = folder.without_driver(&["render", "--help"]);
+    assert_eq!(output.status.code(), Some(0));
+    let help = stdout(&output);
+    let words = "-o --size --method --vpls --bounces --min-distance --camera --eye --look-at --fov --exposure --aov \
+        --backend --pixel-samples --scene --no-headlight --config -D --device --seed --repeat --crop --stats --tap \
+        --explain --quiet -v --progress";
+    for word in words.split_whitespace() {
+        assert!(help.contains(word), "{word}");
+    }
+    let version = folder.without_driver(&["--version"]);
+    assert_eq!(stdout(&version), concat!("parhelion ", env!("CARGO_PKG_VERSION"), "\n"));
+}
+
+#[test]
+fn the_default_room_renders_from_an_empty_folder() {
+    let Some((_guard, device)) = common::device() else { return };
+    let folder = Folder::empty();
+    let output = folder.render(&[]);
+    let text = stdout(&output);
+    let [picture] = &folder.names()[..] else { panic!("{:?}", folder.names()) };
+    assert!(picture.ends_with(".png"));
+    for word in [picture, "32x24", &device.info().name, "backend: ", "pass", "ms", "total", "EV (auto)"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let cpu = device.info().kind == parhelion::vk::DeviceKind::Cpu;
+    assert_eq!(text.contains("CPU device"), cpu, "{text}");
+    for text in [text, stderr(&output)] {
+        assert!(text.chars().all(|c| c == '\n' || !c.is_control()), "control characters: {text:?}");
+    }
+    let (pixels, width, texts) = png(&folder, picture);
+    assert_eq!((width, pixels.len()), (32, 32 * 24 * 3));
+    assert!(pixels.iter().any(|&p| p > 16), "a black picture");
+    assert_eq!(texts["Tone mapping"], "Khronos PBR Neutral");
+    assert!(texts["Exposure"].ends_with("EV (auto)") && texts["Software"].starts_with("parhelion "));
+
+    let quiet = folder.render(&["-q"]);
+    assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty(), "{}{}", stdout(&quiet), stderr(&quiet));
+}
+
+#[test]
+fn files_hold_what_was_asked_for() {
+    let Some((_guard, device)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    folder.write("a.exr", "replaced");
+    let aovs = "albedo,N,P,direct,specular,indirect,irradiance,depth";
+    let output = folder.render(&[
+        "wall.gltf",
+        "-o",
+        "a.exr",
+        "-o",
+        "b.png",
+        "--aov",
+        aovs,
+        "--stats",
+        "s.json",
+        "--exposure",
+        "-1.5",
+        "--seed",
+        "7",
+        "--explain",
+    ]);
+    assert_eq!(folder.names(), ["a.exr", "b.png", "s.json", "wall.gltf"]);
+    assert!(stdout(&output).contains("left out: no mirrors"), "{}", stdout(&output));
+    let picture = exr(&folder, "a.exr");
+    let names = "B G N.X N.Y N.Z P.X P.Y P.Z R Z albedo.B albedo.G albedo.R direct.B direct.G direct.R indirect.B \
+        indirect.G indirect.R irradiance.B irradiance.G irradiance.R specular.B specular.G specular.R";
+    assert_eq!(picture.channels.keys().cloned().collect::<Vec<_>>().join(" "), names);
+    assert_eq!((picture.position, picture.size, picture.display), (Vec2(0, 0), Vec2(32, 24), Vec2(32, 24)));
+    let text = |name: &str| match &picture.attributes[name] {
+        AttributeValue::Text(text) => text.to_string(),
+        other => panic!("{name}: {other:?}"),
+    };
+    assert_eq!(text("parhelion:method"), "igi");
+    assert_eq!(text("parhelion:device"), device.info().name);
+    assert_eq!(picture.attributes["parhelion:seed"], AttributeValue::F64(7.0));
+    let settings: RenderConfig = serde_json::from_str(&text("parhelion:settings")).unwrap();
+    assert_eq!((settings.seed, settings.vpl_shoot.vpls, settings.tone_map.exposure), (7, 9, Some(-1.5)));
+    assert!(serde_json::from_str::<Value>(&text("parhelion:times")).unwrap().is_array());
+
+    // Beauty is the sum of its parts, the wall is where it is.
+    for channel in ["R", "G", "B"] {
+        for (pixel, &beauty) in picture.channels[channel].iter().enumerate() {
+            let part = |name: &str| picture.channels[&format!("{name}.{channel}")][pixel];
+            let sum = part("direct") + part("specular") + part("indirect");
+            assert!((beauty - sum).abs() <= 1e-5 * beauty.abs(), "{beauty} is not {sum}");
+            assert!((part("albedo") - 0.5).abs() < 1e-6 && beauty > 0.0);
+        }
+    }
+    assert!(picture.channels["Z"].iter().all(|&z| (z - 4.0).abs() < 1e-4));
+    assert!(picture.channels["N.Z"].iter().all(|&z| (z - 1.0).abs() < 1e-5));
+    let (_, _, texts) = png(&folder, "b.png");
+    assert_eq!(texts["Exposure"], "-1.50 EV");
+    assert_eq!(folder.json("s.json")["settings"]["seed"], 7);
+}
+
+#[test]
+fn openexrs_own_tools_read_the_file() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    folder.render(&["wall.gltf", "-o", "a.exr", "--aov", "N,depth", "--crop", "4,2,20,12"]);
+    let Ok(output) = Command::new("exrheader").arg("a.exr").current_dir(folder.path()).output() else {
+        common::require("openexr", false, "no exrheader (package openexr)");
+        return;
+    };
+    let text = stdout(&output);
+    for line in [
+        "dataWindow (type box2i): (4 2) - (19 11)",
+        "displayWindow (type box2i): (0 0) - (31 23)",
+        "red   (0.64 0.33)",
+        "parhelion:method (type string): \"igi\"",
+        "N.X, 32-bit floating-point",
+        "type (type string): \"scanlineimage\"",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+}
+
+#[test]
+fn a_crop_holds_the_pixels_of_the_whole_bit_for_bit() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::empty();
+    let common = ["--exposure", "0", "--aov", "albedo,N,P,direct,specular,indirect,irradiance,depth"];
+    folder.render(&[&common[..], &["-o", "whole.exr", "-o", "whole.png"]].concat());
+    let crop = ["--crop", "5,3,30,21", "-o", "part.exr", "-o", "part.png"];
+    folder.render(&[&common[..], &crop[..]].concat());
+    let (whole, part) = (exr(&folder, "whole.exr"), exr(&folder, "part.exr"));
+    assert_eq!((part.position, part.size, part.display), (Vec2(5, 3), Vec2(25, 18), Vec2(32, 24)));
+    let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    for (name, values) in &whole.channels {
+        assert_part(&bits(values), &bits(&part.channels[name]), 32, 1, [5, 3, 30, 21]);
+    }
+    assert_part(&png(&folder, "whole.png").0, &png(&folder, "part.png").0, 32, 3, [5, 3, 30, 21]);
+
+    let output = folder.render(&["--crop", "0,0,8,8", "-o", "auto.png"]);
+    assert!(stdout(&output).contains("EV (auto, of the crop)"));
+    assert!(png(&folder, "auto.png").2["Exposure"].ends_with("EV (auto, of the crop)"));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_others() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::empty();
+    for (seed, file) in [("3", "a.exr"), ("3", "b.exr"), ("4", "c.exr")] {
+        folder.render(&["--seed", seed, "-o", file]);
+    }
+    let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| exr(&folder, name).channels);
+    assert!(a == b, "one seed, two pictures");
+    assert!(a != c, "two seeds, one picture");
+}
+
+#[test]
+fn cameras_and_scenes_are_found_by_name_and_index() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    for (args, depth) in [
+        (&[][..], 4.0),
+        (&["--camera", "Near"], 2.0),
+        (&["--camera", "near"], 2.0),
+        (&["--camera", "1"], 2.0),
+        (&["--camera", "lens"], 4.0),
+        (&["--scene", "deep"], 5.0),
+        (&["--scene", "1", "--camera", "Near"], 3.0),
+        (&["--eye", "-0.5,0,3", "--look-at", "-0.5,0,0", "--fov", "20"], 3.0),
+    ] {
+        folder.render(&[&["wall.gltf", "-o", "a.exr", "--aov", "depth"], args].concat());
+        let z = &exr(&folder, "a.exr").channels["Z"];
+        assert!(z.iter().all(|z| (z - depth).abs() < 1e-4), "{args:?}: {} is not {depth}", z[0]);
+    }
+}
+
+#[test]
+fn a_scene_without_lights_is_lit_from_the_camera_and_says_so() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let lit = folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr"]);
+    assert!(stderr(&lit).contains("note: ") && stderr(&lit).contains("light"), "{}", stderr(&lit));
+    assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g > 0.0));
+    folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr", "--no-headlight"]);
+    assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g == 0.0));
+}
+
+#[test]
+fn options_win_over_assignments_and_these_over_the_file() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    folder.write("c.toml", "seed = 1\n[vpl_shoot]\nvpls = 40\nbounces = 5\n[indirect]\nmin_distance = 0.5\n");
+    let args = ["render", "wall.gltf", "--size", "8x8", "--config", "c.toml", "--stats", "s.json"];
+    let more = ["-D", "vpl_shoot.vpls=50", "-D", "indirect.min_distance=auto", "--bounces", "2"];
+    let output = folder.run(&[&args[..], &more[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let settings: RenderConfig = serde_json::from_value(folder.json("s.json")["settings"].clone()).unwrap();
+    let mut expected = RenderConfig { size: [8, 8], seed: 1, ..RenderConfig::default() };
+    (expected.vpl_shoot.vpls, expected.vpl_shoot.bounces) = (50, 2);
+    assert_eq!(settings, expected);
+}
+
+#[test]
+fn statistics_follow_their_schema() {
+    let Some((_guard, device)) = common::device() else { return };
+    let schema = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/stats.schema.json")).unwrap();
+    let schema: Value = serde_json::from_slice(&schema).unwrap();
+    let folder = Folder::with_wall();
+    folder.render(&[
+        "wall.gltf",
+        "--scene",
+        "deep",
+        "--repeat",
+        "2",
+        "--crop",
+        "0,0,8,8",
+        "--stats",
+        "s.json",
+    ]);
+    let stats = folder.json("s.json");
+    check(&schema, &schema, &stats, "stats").unwrap();
+    assert_eq!(stats["device"]["uuid"], device.info().uuid.as_str());
+    assert_eq!(stats["repeat"], 2);
+    assert_eq!(stats["scene"]["triangles"], 1);
+    assert!(stats["passes"].as_array().unwrap().iter().any(|pass| pass["rays"].as_u64() > Some(0)));
+    assert!(
+        stats["structures"][0]["bytes"].as_u64() > Some(0) && stats["peak_device_bytes"].as_u64() > Some(0)
+    );
+    assert_eq!(
+        stats["settings"].as_object().unwrap().len(),
+        json!(RenderConfig::default()).as_object().unwrap().len()
+    );
+
+    // The schema refuses what is missing, what it does not know, and wrong types.
+    for key in stats.as_object().unwrap().keys() {
+        let mut broken = stats.clone();
+        broken.as_object_mut().unwrap().shift_remove(key);
+        check(&schema, &schema, &broken, "stats").unwrap_err();
+        broken[key] = Value::Bool(true);
+        check(&schema, &schema, &broken, "stats").unwrap_err();
+    }
+    let mut broken = stats.clone();
+    broken["extra"] = json!(1);
+    check(&schema, &schema, &broken, "stats").unwrap_err();
+}
+
+/// The part of JSON Schema that `docs/stats.schema.json` uses; any other word in it fails the test.
+fn check(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
+    let fail = |what: String| Err(format!("{at}: {what}"));
+    for (word, rule) in schema.as_object().unwrap() {
+        match word.as_str() {
+            "$schema" | "$defs" | "title" | "description" | "properties" => {}
+            "$ref" => check(root, root.pointer(&rule.as_str().unwrap()[1..]).unwrap(), value, at)?,
+            "type" => {
+                let kind = match value {
+                    Value::Null => "null",
+                    Value::Bool(_) => "boolean",
+                    Value::Number(n) if n.is_u64() || n.is_i64() => "integer",
+                    Value::Number(_) => "number",
+                    Value::String(_) => "string",
+                    Value::Array(_) => "array",
+                    Value::Object(_) => "object",
+                };
+                let is = |name: &Value| name == kind || (name == "number" && kind == "integer");
+                if !rule.as_array().map_or_else(|| is(rule), |kinds| kinds.iter().any(is)) {
+                    return fail(format!("{kind} is not {rule}"));
+                }
+            }
+            "enum" if !rule.as_array().unwrap().contains(value) => {
+                return fail(format!("{value} is not of {rule}"));
+            }
+            "minimum" if value.is_number() && value.as_f64() < rule.as_f64() => {
+                return fail(format!("below {rule}"));
+            }
+            "maximum" if value.is_number() && value.as_f64() > rule.as_f64() => {
+                return fail(format!("above {rule}"));
+            }
+            "minItems" if value.as_array().is_some_and(|a| (a.len() as u64) < rule.as_u64().unwrap()) => {
+                return fail("too short".into());
+            }
+            "maxItems" if value.as_array().is_some_and(|a| a.len() as u64 > rule.as_u64().unwrap()) => {
+                return fail("too long".into());
+            }
+            "enum" | "minimum" | "maximum" | "minItems" | "maxItems" => {}
+            "items" => {
+                for (index, item) in value.as_array().into_iter().flatten().enumerate() {
+                    check(root, rule, item, &format!("{at}[{index}]"))?;
+                }
+            }
+            "required" => {
+                for key in rule.as_array().unwrap() {
+                    if value.is_object() && value.get(key.as_str().unwrap()).is_none() {
+                        return fail(format!("{key} is missing"));
+                    }
+                }
+            }
+            "additionalProperties" => {
+                let known = |key: &str| schema["properties"].get(key).is_some();
+                for (key, value) in value.as_object().into_iter().flatten().filter(|(key, _)| !known(key)) {
+                    match rule {
+                        Value::Bool(false) => return fail(format!("{key} is unknown")),
+                        _ => check(root, rule, value, &format!("{at}.{key}"))?,
+                    }
+                }
+            }
+            other => panic!("{at}: the schema uses `{other}`"),
+        }
+    }
+    for (key, rule) in schema.get("properties").and_then(Value::as_object).into_iter().flatten() {
+        if let Some(value) = value.get(key) {
+            check(root, rule, value, &format!("{at}.{key}"))?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn taps_are_pictures_and_unknown_ones_are_refused() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let output =
+        folder.run(&[&["render", "wall.gltf", "--tap", "nowhere:nothing=t.exr"], &SMALL[..]].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("nowhere"), "{}", stderr(&output));
+    assert_eq!(folder.names(), ["wall.gltf"]);
+
+    // Whatever the passes are called: the first image that the plan says a pass writes.
+    folder.run(&["graph", "wall.gltf", "-o", "g.json"]);
+    let plan = folder.json("g.json");
+    let tap = plan["passes"].as_array().unwrap().iter().find_map(|pass| {
+        let written = pass["accesses"].as_array()?.iter().find(|access| {
+            let resource = &plan["resources"][access["resource"].as_u64().unwrap() as usize];
+            access["writes"] == true && resource["desc"]["kind"] == "image"
+        })?;
+        Some(format!("{}:{}", pass["path"].as_str()?, written["variable"].as_str()?))
+    });
+    folder.render(&["wall.gltf", "--tap", &format!("{}=t.exr", tap.unwrap())]);
+    let layer = exr(&folder, "t.exr");
+    assert_eq!(layer.size, Vec2(32, 24));
+    assert!(layer.attributes.contains_key("parhelion:tap"));
+}
+
+#[test]
+fn progress_as_json_is_one_object_a_line() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let output = folder.render(&["wall.gltf", "--scene", "deep", "--progress", "json", "-v"]);
+    let lines: Vec<Value> = stderr(&output).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    for stage in ["load", "build", "render", "write"] {
+        assert!(lines.iter().any(|line| line["stage"] == stage), "{lines:?}");
+    }
+    let done: Vec<_> = lines.iter().filter_map(|line| line["done"].as_f64()).collect();
+    assert!(
+        !done.is_empty() && done.is_sorted() && done.iter().all(|done| (0.0..=1.0).contains(done)),
+        "{done:?}"
+    );
+    assert!(lines.iter().any(|line| line["note"].is_string()));
+}
+
+#[test]
+fn a_bar_appears_where_it_is_asked_for_and_stays_off_stdout() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let bar = folder.render(&["wall.gltf", "--progress", "bar"]);
+    assert!(stderr(&bar).contains('\u{1b}'), "{:?}", stderr(&bar));
+    assert!(!stdout(&bar).contains('\u{1b}'));
+    for word in ["auto", "none"] {
+        assert_eq!(stderr(&folder.render(&["wall.gltf", "--progress", word])), "");
+    }
+}
+
+/// Work for days: only an interruption ends it.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_exits_with_130_and_leaves_no_file() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let endless =
+        ["render", "wall.gltf", "--size", "2048x2048", "--vpls", "1000000", "--pixel-samples", "65536"];
+    let outputs = ["-o", "a.exr", "-o", "a.png", "--stats", "s.json", "--progress", "json"];
+    let mut child = folder
+        .command(&[&endless[..], &outputs[..]].concat())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let started = lines.by_ref().map(Result::unwrap).find(|line| line.contains("\"stage\":\"render\""));
+    assert!(started.is_some(), "it ended before it rendered: {:?}", child.wait());
+    // The shell's own `kill`: a small system has no other.
+    let interrupt = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
+    let rest: Vec<_> = lines.map(Result::unwrap).collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert_eq!(rest.last().map(String::as_str), Some("error: interrupted"));
+    assert_eq!(folder.names(), ["wall.gltf"]);
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let args = [&["render", "wall.gltf", "-o", "a.png"], &SMALL[..]].concat();
+    let mut child = folder.command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let mut message = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+    assert_eq!(folder.names(), ["a.png", "wall.gltf"]);
+}
+
+#[test]
+fn doctor_finds_the_device_and_traces_a_ray() {
+    let Some((_guard, device)) = common::device() else { return };
+    let folder = Folder::empty();
+    let output = folder.run(&["doctor", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["default"], device.info().index);
+    let found = &report["devices"][device.info().index];
+    assert_eq!(found["name"], device.info().name.as_str());
+    assert!(["software", "ray-query"].contains(&found["backend"].as_str().unwrap()));
+    let rays = found["rays"].as_array().unwrap();
+    assert_eq!(rays.len(), if device.info().ray_query { 2 } else { 1 });
+    assert!(rays.iter().all(|ray| ray["ok"] == true && ray["distance"] == 2.0), "{rays:?}");
+    let text = stdout(&folder.run(&["doctor"]));
+    for word in
+        [&device.info().name, &device.info().uuid, "driver", "missing    nothing", "backend", "as it should"]
+    {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    assert!(folder.names().is_empty());
+}

@@ -1,0 +1,675 @@
+//! Both trace backends against brute force in 64 bits, ray by ray.
+//!
+//! A reported hit is right if the ray meets that triangle, or passes it closer than the arithmetic of 32 bits
+//! can tell, at that distance, and no triangle that the ray meets beyond doubt is nearer. "Closer than can be
+//! told" is [`ULPS`] units in the last place of the largest coordinate in play; along the ray it grows by
+//! 1/cosine.
+
+mod common;
+
+use glam::{Affine3A, DVec3, Quat, Vec3, vec3};
+use parhelion::accel::cpu::{BruteForce, Crossing, Ray};
+use parhelion::accel::software::{MAX_STACK_DEPTH, SoftwareBvh};
+use parhelion::accel::{Error, Geometry, Structure};
+use parhelion::graph::{Executor, Graph, Grid, RunOptions};
+use parhelion::scene::{AlphaMode, Instance, Material, Mesh, Scene};
+use parhelion::shaders::test::trace::{Bind, Params, Spec};
+use parhelion::shaders::{self, SceneData, SceneSpec, TestHit as Hit, TestRay};
+use parhelion::vk::{Backend, Device};
+use std::ops::Range;
+
+const ULPS: f64 = 8.0;
+const RAYS: usize = 100_000;
+
+/// `test/trace.comp` writes an infinite distance otherwise.
+fn found(hit: &Hit) -> bool {
+    hit.t != f32::INFINITY
+}
+
+/// A scene on the device in the structure of one backend.
+struct Traced<'a> {
+    device: &'a Device,
+    backend: Backend,
+    structure: Structure,
+    geometry: &'a Geometry,
+}
+
+impl<'a> Traced<'a> {
+    fn new(device: &'a Device, backend: Backend, geometry: &'a Geometry) -> Self {
+        Self { device, backend, structure: Structure::build(device, backend, geometry).unwrap(), geometry }
+    }
+
+    fn trace(&self, rays: &[Ray], any_hit: bool) -> Vec<Hit> {
+        let mut data = SceneData { ray_epsilon: self.geometry.ray_epsilon(), ..SceneData::default() };
+        self.structure.describe(&mut data);
+        let spec = SceneSpec {
+            alpha_mask: self.geometry.any_masked(),
+            instanced: self.geometry.instances.len() > 1,
+            stack_depth: self.structure.stack_depth(),
+            ..SceneSpec::default()
+        };
+        let rays: Vec<TestRay> = rays
+            .iter()
+            .map(|ray| TestRay {
+                origin: ray.origin.to_array(),
+                t_min: ray.t_min,
+                direction: ray.direction.to_array(),
+                t_max: ray.t_max,
+            })
+            .collect();
+        let uniform = self.device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
+        let set = self.device.scene_set(self.backend, &uniform, self.structure.top_level()).unwrap();
+        let kernel = shaders::test::trace::kernel(Spec { any_hit }, &spec);
+
+        let mut g = Graph::new();
+        let input = g.buffer("rays", size_of_val(rays.as_slice()) as u64);
+        g.upload("upload", input, bytemuck::cast_slice(&rays).to_vec());
+        let hits = g.buffer("hits", (rays.len() * size_of::<Hit>()) as u64);
+        let count = rays.len() as u32;
+        g.pass("trace", &kernel, Bind { rays: input, hits }, Params { count }, Grid::Of([count, 1, 1]));
+        let ticket = g.read_buffer(hits);
+        let mut executor = Executor::new(self.device, self.backend).unwrap();
+        let options = RunOptions { scene: Some(&set), ..RunOptions::default() };
+        executor.run(g, &options).unwrap().take(ticket)
+    }
+
+    fn closest(&self, rays: &[Ray]) -> Vec<Hit> {
+        self.trace(rays, false)
+    }
+
+    fn any(&self, rays: &[Ray]) -> Vec<bool> {
+        self.trace(rays, true).iter().map(found).collect()
+    }
+}
+
+/// Every backend the device has.
+fn with_backends(test: impl Fn(&Device, Backend)) {
+    if let Some((_guard, device)) = common::device() {
+        test(&device, Backend::Software);
+    }
+    if let Some((_guard, device)) = common::ray_query_device() {
+        test(&device, Backend::RayQuery);
+    }
+}
+
+/// PCG (O'Neill 2014): the same rays on every machine.
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let word = (((old >> 18) ^ old) >> 27) as u32;
+        word.rotate_right((old >> 59) as u32)
+    }
+
+    fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / (1 << 24) as f32
+    }
+
+    fn index(&mut self, range: Range<usize>) -> usize {
+        range.start + self.bits() as usize % (range.end - range.start)
+    }
+
+    /// In the cube from −1 to 1.
+    fn cube(&mut self) -> Vec3 {
+        vec3(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = self.cube();
+            if (1e-3..1.0).contains(&v.length_squared()) {
+                return v.normalize();
+            }
+        }
+    }
+}
+
+fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Mesh {
+    Mesh { materials: vec![0; triangles.len()], positions, triangles, ..Mesh::default() }
+}
+
+fn soup(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Mesh {
+    let positions: Vec<Vec3> = triangles.into_iter().flatten().collect();
+    let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    mesh(positions, triangles)
+}
+
+fn placed(mesh: u32, transform: Affine3A) -> Instance {
+    Instance { name: String::new(), mesh, transform }
+}
+
+fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {
+    let masked = Material { alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..Material::default() };
+    Scene { meshes, instances, materials: vec![Material::default(), masked], ..Scene::default() }
+}
+
+fn single(mesh: Mesh) -> Geometry {
+    Geometry::of(&scene(vec![mesh], vec![placed(0, Affine3A::IDENTITY)])).unwrap()
+}
+
+/// A closed surface about the origin: a sphere of radius 1 whose vertices are moved by up to `bump`.
+fn closed(rings: u32, segments: u32, bump: f32) -> Mesh {
+    let mut random = Random(7);
+    let mut at = |direction: Vec3| direction * (1.0 + bump * (random.unit() * 2.0 - 1.0));
+    let mut positions = vec![at(Vec3::Y)];
+    for ring in 1..rings {
+        for segment in 0..segments {
+            let (sin, cos) = (std::f32::consts::PI * ring as f32 / rings as f32).sin_cos();
+            let (z, x) = (std::f32::consts::TAU * segment as f32 / segments as f32).sin_cos();
+            positions.push(at(vec3(x * sin, cos, z * sin)));
+        }
+    }
+    positions.push(at(-Vec3::Y));
+    let south = positions.len() as u32 - 1;
+    let vertex = |ring: u32, segment: u32| match ring {
+        0 => 0,
+        _ if ring == rings => south,
+        _ => 1 + (ring - 1) * segments + segment % segments,
+    };
+    let mut triangles = Vec::new();
+    for ring in 0..rings {
+        for segment in 0..segments {
+            let [a, b] = [vertex(ring, segment), vertex(ring, segment + 1)];
+            let [c, d] = [vertex(ring + 1, segment), vertex(ring + 1, segment + 1)];
+            if ring > 0 {
+                triangles.push([a, b, d]);
+            }
+            if ring + 1 < rings {
+                triangles.push([a, d, c]);
+            }
+        }
+    }
+    mesh(positions, triangles)
+}
+
+fn scattered(count: usize) -> Mesh {
+    let mut random = Random(1);
+    soup((0..count).map(|_| {
+        let centre = random.cube();
+        let size = 0.5 * random.unit().powi(3);
+        [0; 3].map(|_| centre + size * random.cube())
+    }))
+}
+
+/// Needles that share a centre, each around the one before.
+fn nested_slivers(count: usize) -> Mesh {
+    soup((1..=count).map(|i| {
+        let reach = i as f32 / count as f32;
+        [vec3(-reach, -1e-4 * reach, 0.0), vec3(reach, 0.0, 1e-4 * reach), vec3(reach, 1e-4 * reach, 0.0)]
+    }))
+}
+
+fn moved(mut mesh: Mesh, scale: f32, offset: Vec3) -> Mesh {
+    mesh.positions.iter_mut().for_each(|p| *p = *p * scale + offset);
+    mesh
+}
+
+/// Rays of all kinds: at random points, vertices and edges from near and far, along axes, bounded and not.
+fn rays(geometry: &Geometry, count: usize) -> Vec<Ray> {
+    let triangles: Vec<_> = geometry.world_triangles().map(|triangle| triangle.vertices).collect();
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &vertex in triangles.iter().flatten() {
+        (low, high) = (low.min(vertex), high.max(vertex));
+    }
+    if triangles.is_empty() {
+        (low, high) = (Vec3::NEG_ONE, Vec3::ONE);
+    }
+    let (centre, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let mut random = Random(42);
+    (0..count)
+        .map(|_| {
+            let reach = if random.unit() < 0.2 { 10.0 } else { 1.2 };
+            let mut origin = centre + random.cube() * half.max_element() * reach;
+            let target = if triangles.is_empty() {
+                random.cube()
+            } else {
+                let [a, b, c] = triangles[random.index(0..triangles.len())];
+                match random.index(0..4) {
+                    0 => a,
+                    1 => a + (b - a) * random.unit(),
+                    2 => a + (b - a) * random.unit() + (c - a) * random.unit(),
+                    _ => centre + random.cube() * half,
+                }
+            };
+            let mut direction = target - origin;
+            match random.index(0..4) {
+                0 => direction = direction.normalize_or(Vec3::X),
+                1 if random.unit() < 0.5 => {
+                    let axis = random.index(0..3);
+                    direction = Vec3::AXES[axis] * (target - origin)[axis].signum();
+                    origin = target - direction * half.max_element() * 3.0 * random.unit();
+                }
+                _ => {}
+            }
+            let bounded = random.unit() < 0.3;
+            let (t_min, t_max) =
+                if bounded { (0.5 * random.unit(), 0.5 + random.unit()) } else { (0.0, f32::INFINITY) };
+            Ray { origin, direction, t_min, t_max }
+        })
+        .collect()
+}
+
+/// Brute force that knows how well 32 bits can tell.
+struct Oracle {
+    brute: BruteForce,
+    largest: f64,
+}
+
+impl Oracle {
+    fn new(geometry: &Geometry) -> Self {
+        Self { brute: BruteForce::new(geometry), largest: f64::from(geometry.largest_coordinate()) }
+    }
+
+    fn lateral(&self, ray: &Ray) -> f64 {
+        ULPS * f64::from(f32::EPSILON) * self.largest.max(f64::from(ray.origin.abs().max_element()))
+    }
+
+    /// How far (m) a hit's place in the triangle's plane can be off: more where the triangle as the ray sees it
+    /// is a sliver.
+    fn in_plane(&self, ray: &Ray, crossing: &Crossing) -> f64 {
+        let triangle = self.brute.triangle(crossing.hit.instance, crossing.hit.primitive).unwrap();
+        let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
+        let longest = [b - a, c - b, a - c].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
+        self.lateral(ray) * longest / (b - a).cross(c - a).length() / crossing.cosine
+    }
+
+    /// How far `t` of a crossing can be off.
+    fn along(&self, ray: &Ray, crossing: &Crossing) -> f64 {
+        self.in_plane(ray, crossing) / ray.direction.as_dvec3().length()
+    }
+
+    /// The nearest distance beyond which an answer must not lie; infinite if a miss is right.
+    fn latest(&self, ray: &Ray) -> f64 {
+        self.brute
+            .crossings(ray)
+            .filter(|c| c.inside > self.lateral(ray) / c.cosine)
+            .map(|c| (c.hit.t, self.along(ray, &c)))
+            .filter(|(t, off)| t - off > f64::from(ray.t_min) && t + off < f64::from(ray.t_max))
+            .map(|(t, off)| t + off)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether the ray may be said to meet something.
+    fn possible(&self, ray: &Ray) -> bool {
+        self.brute.crossings(ray).any(|c| {
+            let off = self.along(ray, &c);
+            c.inside >= -self.lateral(ray) / c.cosine
+                && c.hit.t + off > f64::from(ray.t_min)
+                && c.hit.t - off < f64::from(ray.t_max)
+        })
+    }
+
+    fn check(&self, ray: &Ray, hit: &Hit) -> Result<(), String> {
+        let latest = self.latest(ray);
+        if !found(hit) {
+            return if latest == f64::INFINITY {
+                Ok(())
+            } else {
+                Err(format!("missed what is before {latest}"))
+            };
+        }
+        let t = f64::from(hit.t);
+        if !(hit.t > ray.t_min && hit.t < ray.t_max) {
+            return Err("outside the ray's interval".into());
+        }
+        let id = (hit.instance, hit.primitive);
+        let crossing = self.brute.crossings(ray).find(|c| (c.hit.instance, c.hit.primitive) == id);
+        let Some(crossing) = crossing else { return Err("not a triangle the ray can cross".into()) };
+        let off = self.along(ray, &crossing);
+        if crossing.inside < -self.lateral(ray) / crossing.cosine {
+            return Err(format!("{} m beside its triangle", -crossing.inside));
+        }
+        if (crossing.hit.t - t).abs() > off {
+            return Err(format!("t should be {} ± {off}", crossing.hit.t));
+        }
+        if t - off > latest {
+            return Err(format!("something is before {latest}"));
+        }
+        let lateral = self.beside(ray, hit);
+        if lateral > self.in_plane(ray, &crossing) {
+            return Err(format!("barycentrics lie {lateral} m beside the ray"));
+        }
+        Ok(())
+    }
+
+    /// Distance (m) of the point that the barycentrics name from the ray's line.
+    fn beside(&self, ray: &Ray, hit: &Hit) -> f64 {
+        let [a, b, c] =
+            self.brute.triangle(hit.instance, hit.primitive).unwrap().vertices.map(Vec3::as_dvec3);
+        let [v, w] = hit.barycentrics.map(f64::from);
+        let point: DVec3 = a * (1.0 - v - w) + b * v + c * w - ray.origin.as_dvec3();
+        let direction = ray.direction.as_dvec3().normalize();
+        (point - direction * point.dot(direction)).length()
+    }
+}
+
+/// Runs `check` over all rays on every core and fails with the first complaints.
+fn check_all<T: Sync>(rays: &[Ray], answers: &[T], check: impl Fn(&Ray, &T) -> Result<(), String> + Sync) {
+    assert_eq!(rays.len(), answers.len());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let chunk = rays.len().div_ceil(threads).max(1);
+    let complaints: Vec<String> = std::thread::scope(|scope| {
+        let check = &check;
+        let work = rays.chunks(chunk).zip(answers.chunks(chunk)).map(|(rays, answers)| {
+            scope.spawn(move || {
+                let pairs = rays.iter().zip(answers);
+                pairs
+                    .filter_map(|(ray, answer)| check(ray, answer).err().map(|e| format!("{ray:?}: {e}")))
+                    .collect()
+            })
+        });
+        let work: Vec<std::thread::ScopedJoinHandle<'_, Vec<String>>> = work.collect();
+        work.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+    });
+    let count = complaints.len();
+    assert!(count == 0, "{count} of {} rays:\n{}", rays.len(), complaints[..count.min(8)].join("\n"));
+}
+
+fn agrees_with_brute_force(geometry: &Geometry, count: usize) {
+    let rays = rays(geometry, count);
+    let oracle = Oracle::new(geometry);
+    with_backends(|device, backend| {
+        eprintln!("{backend:?}");
+        let traced = Traced::new(device, backend, geometry);
+        check_all(&rays, &traced.closest(&rays), |ray, hit| oracle.check(ray, hit));
+        check_all(&rays, &traced.any(&rays), |ray, &blocked| {
+            if blocked && !oracle.possible(ray) {
+                return Err("blocked by nothing".into());
+            }
+            if !blocked && oracle.latest(ray) != f64::INFINITY {
+                return Err("not blocked".into());
+            }
+            Ok(())
+        });
+    });
+}
+
+#[test]
+fn scattered_triangles() {
+    agrees_with_brute_force(&single(scattered(500)), RAYS);
+}
+
+#[test]
+fn a_closed_bumpy_mesh() {
+    agrees_with_brute_force(&single(closed(12, 20, 0.2)), RAYS);
+}
+
+#[test]
+fn slivers() {
+    agrees_with_brute_force(&single(nested_slivers(300)), RAYS);
+}
+
+#[test]
+fn one_triangle() {
+    agrees_with_brute_force(&single(soup([[Vec3::X, Vec3::Y, Vec3::Z]])), RAYS);
+}
+
+#[test]
+fn an_empty_scene_is_never_hit() {
+    for geometry in [Geometry::of(&Scene::default()).unwrap(), single(Mesh::default())] {
+        agrees_with_brute_force(&geometry, 1000);
+    }
+}
+
+#[test]
+fn triangles_without_area_are_left_out() {
+    let point = [Vec3::X; 3];
+    let line = [Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
+    let geometry = single(soup([point, line, [Vec3::X, Vec3::Y, Vec3::Z], line, point]));
+    assert_eq!(geometry.triangles.len(), 1);
+    assert_eq!(geometry.source[0].triangle, 2);
+    agrees_with_brute_force(&geometry, 10_000);
+}
+
+#[test]
+fn every_scale_and_far_from_the_origin() {
+    for (scale, offset) in [(1e-3, 0.0), (1e4, 0.0), (10.0, 1e5), (1e-3, 1.0)] {
+        let mut mesh = scattered(100);
+        let bumpy = closed(8, 12, 0.2);
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(&bumpy.positions);
+        mesh.triangles.extend(bumpy.triangles.iter().map(|t| t.map(|v| v + first)));
+        mesh.materials = vec![0; mesh.triangles.len()];
+        agrees_with_brute_force(&single(moved(mesh, scale, Vec3::splat(offset))), RAYS / 4);
+    }
+}
+
+#[test]
+fn instances_carry_the_same_ids() {
+    let turned = Affine3A::from_scale_rotation_translation(
+        vec3(-0.5, 0.7, 0.3),
+        Quat::from_rotation_y(1.0),
+        vec3(0.2, 1.5, -0.3),
+    );
+    let instances = vec![
+        placed(1, Affine3A::from_translation(vec3(1.5, 0.0, 0.0))),
+        placed(0, turned),
+        placed(1, turned),
+        placed(2, Affine3A::from_translation(vec3(-1.5, 0.0, 0.0))),
+    ];
+    let scene = scene(vec![scattered(100), closed(5, 8, 0.1), closed(4, 6, 0.3)], instances);
+    let geometry = Geometry::of(&scene).unwrap();
+    assert_eq!(geometry.instances.len(), 3, "the merged mesh and two placements");
+    assert_eq!(geometry.meshes.len(), 2);
+    agrees_with_brute_force(&geometry, RAYS);
+}
+
+#[test]
+fn at_equal_distance_the_lowest_id_wins() {
+    let mesh = scattered(50);
+    let mut many = mesh.clone();
+    for _ in 0..6 {
+        many.triangles.extend(&mesh.triangles);
+    }
+    many.materials = vec![0; many.triangles.len()];
+    let geometry = single(many);
+    agrees_with_brute_force(&geometry, 10_000);
+    let rays = rays(&geometry, 10_000);
+    if let Some((_guard, device)) = common::device() {
+        let hits = Traced::new(&device, Backend::Software, &geometry).closest(&rays);
+        assert!(hits.iter().any(found));
+        assert!(hits.iter().filter(|hit| found(hit)).all(|hit| hit.primitive < 50));
+    }
+}
+
+#[test]
+fn a_closed_mesh_leaks_no_ray_at_its_edges_and_vertices() {
+    for (scale, offset) in [(1.0, 0.0), (1e-3, 0.0), (1e4, 0.0), (100.0, 1e5)] {
+        let geometry = single(moved(closed(60, 90, 0.02), scale, Vec3::splat(offset)));
+        let triangles: Vec<_> = geometry.world_triangles().map(|triangle| triangle.vertices).collect();
+        let mut random = Random(3);
+        let rays: Vec<Ray> = (0..RAYS)
+            .map(|_| {
+                let [a, b, _] = triangles[random.index(0..triangles.len())];
+                let target = a + (b - a) * if random.unit() < 0.3 { 0.0 } else { random.unit() };
+                let origin = random.cube() * 0.3 * scale + Vec3::splat(offset);
+                Ray { origin, direction: target - origin, t_min: 0.0, t_max: f32::INFINITY }
+            })
+            .collect();
+        with_backends(|device, backend| {
+            let traced = Traced::new(device, backend, &geometry);
+            let leaks = traced.closest(&rays).iter().filter(|hit| !found(hit)).count();
+            let lit = traced.any(&rays).iter().filter(|blocked| !**blocked).count();
+            if backend == Backend::Software {
+                assert_eq!((leaks, lit), (0, 0), "scale {scale}, offset {offset}");
+            }
+            if leaks > 0 {
+                eprintln!(
+                    "{backend:?}, scale {scale}, offset {offset}: the driver leaks {leaks} of {RAYS} rays"
+                );
+            }
+        });
+    }
+}
+
+/// Rays that leave the surface of a convex mesh, half of them along it, by the arithmetic of
+/// `lib/surface.glsl` and `trace/offset.glsl`; with the triangle each starts on.
+fn leaving(geometry: &Geometry, outward: f32) -> Vec<(Ray, (u32, u32))> {
+    let epsilon = geometry.ray_epsilon();
+    let triangles: Vec<_> = geometry.world_triangles().collect();
+    let mut random = Random(5);
+    (0..RAYS)
+        .map(|_| {
+            let triangle = triangles[random.index(0..triangles.len())];
+            let [a, b, c] = triangle.vertices;
+            let (mut v, mut w) = (random.unit(), random.unit());
+            if v + w > 1.0 {
+                (v, w) = (1.0 - v, 1.0 - w);
+            }
+            let normal = (b - a).cross(c - a).normalize() * outward;
+            let mut direction = random.direction();
+            if random.unit() < 0.5 {
+                direction -= normal * direction.dot(normal) * (1.0 - 1e-4 * random.unit());
+            }
+            if direction.dot(normal) < 0.0 {
+                direction = -direction;
+            }
+            let origin = a + (v * (b - a) + w * (c - a)) + epsilon * normal;
+            (
+                Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY },
+                (triangle.instance, triangle.primitive),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn surfaces_neither_shadow_themselves_nor_leak() {
+    for (scale, offset) in [(1.0, 0.0), (1e-3, 0.0), (1e4, 0.0), (100.0, 1e5), (1e4, 1e5)] {
+        // Finer meshes than that are not convex where vertices lie on a grid of 8 mm.
+        for segments in if offset == 0.0 { &[12, 90][..] } else { &[12] } {
+            let place = Affine3A::from_scale_rotation_translation(
+                Vec3::splat(scale),
+                Quat::from_rotation_x(0.5),
+                Vec3::splat(offset),
+            );
+            let far = Affine3A::from_translation(Vec3::splat(5.0 * scale)) * place;
+            let sphere = closed(*segments, *segments, 0.0);
+            let merged = scene(vec![sphere.clone()], vec![placed(0, place)]);
+            let instanced = scene(vec![sphere], vec![placed(0, place), placed(0, far)]);
+            for (scene, context) in [(merged, "merged"), (instanced, "instanced")] {
+                let geometry = Geometry::of(&scene).unwrap();
+                let (outward, _): (Vec<_>, Vec<_>) = leaving(&geometry, 1.0).into_iter().unzip();
+                let (inward, own): (Vec<_>, Vec<_>) = leaving(&geometry, -1.0).into_iter().unzip();
+                with_backends(|device, backend| {
+                    let traced = Traced::new(device, backend, &geometry);
+                    let reach = 0.5 * scale;
+                    let near: Vec<Ray> = outward.iter().map(|ray| Ray { t_max: reach, ..*ray }).collect();
+                    let shadowed = traced.any(&near).iter().filter(|blocked| **blocked).count();
+                    let hits = traced.closest(&inward);
+                    let leaks = hits.iter().filter(|hit| !found(hit)).count();
+                    let own = hits
+                        .iter()
+                        .zip(&own)
+                        .filter(|(hit, own)| (hit.instance, hit.primitive) == **own)
+                        .count();
+                    assert_eq!(
+                        (shadowed, own, leaks),
+                        (0, 0, 0),
+                        "{backend:?}, {context}, scale {scale}, offset {offset}, {segments} segments"
+                    );
+                });
+            }
+        }
+    }
+}
+
+#[test]
+fn masked_triangles_ask_the_kernel() {
+    let mut mesh = scattered(300);
+    mesh.materials = (0..300).map(|i| u32::from(i % 3 != 0)).collect();
+    let instances = vec![
+        placed(0, Affine3A::IDENTITY),
+        placed(1, Affine3A::IDENTITY),
+        placed(1, Affine3A::from_rotation_y(0.7)),
+    ];
+    let mut all_masked = closed(5, 7, 0.1);
+    all_masked.materials.fill(1);
+    let geometry = Geometry::of(&scene(vec![mesh, all_masked], instances)).unwrap();
+    let rays = rays(&geometry, 20_000);
+    let oracle = BruteForce::new(&geometry);
+    // As test/trace.comp decides it.
+    let solid = |c: &Crossing| {
+        let masked = oracle.triangle(c.hit.instance, c.hit.primitive).unwrap().masked;
+        let [v, w] = c.hit.barycentrics;
+        !masked || v + w <= 0.5
+    };
+    with_backends(|device, backend| {
+        let traced = Traced::new(device, backend, &geometry);
+        let hits = traced.closest(&rays);
+        let blocked = traced.any(&rays);
+        let mut masked_hits = 0;
+        for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(blocked) {
+            let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
+            let near = |c: &Crossing| c.inside > -1e-4 && c.hit.t > t_min - 1e-3 && c.hit.t < t_max + 1e-3;
+            let sure = |c: &Crossing| {
+                let [v, w] = c.hit.barycentrics;
+                let off_the_limits = (c.hit.t - t_min).abs() > 1e-3 && (c.hit.t - t_max).abs() > 1e-3;
+                c.cosine > 0.01 && c.inside > 1e-4 && off_the_limits && (v + w - 0.5).abs() > 1e-2
+            };
+            let crossings: Vec<_> = oracle.crossings(ray).filter(near).collect();
+            if !crossings.iter().all(sure) {
+                continue;
+            }
+            let expected = crossings.iter().filter(|c| solid(c)).min_by(|a, b| a.hit.t.total_cmp(&b.hit.t));
+            assert_eq!(found(hit), expected.is_some(), "{backend:?} {ray:?}");
+            assert_eq!(blocked, expected.is_some(), "{backend:?} {ray:?}");
+            if let Some(expected) = expected {
+                let id = (expected.hit.instance, expected.hit.primitive);
+                assert_eq!((hit.instance, hit.primitive), id, "{backend:?} {ray:?}");
+                masked_hits += usize::from(oracle.triangle(id.0, id.1).unwrap().masked);
+            }
+        }
+        assert!(masked_hits > 100);
+    });
+}
+
+#[test]
+fn degenerate_rays_end() {
+    let geometry = single(closed(12, 20, 0.1));
+    let good = Ray { origin: Vec3::ZERO, direction: Vec3::X, t_min: 0.0, t_max: f32::INFINITY };
+    let odd = [
+        Ray { direction: Vec3::ZERO, ..good },
+        Ray { direction: Vec3::splat(f32::NAN), ..good },
+        Ray { origin: Vec3::splat(f32::NAN), ..good },
+        Ray { origin: Vec3::splat(f32::INFINITY), ..good },
+        Ray { t_min: 1.0, t_max: 0.5, ..good },
+        Ray { t_max: 0.0, ..good },
+    ];
+    if let Some((_guard, device)) = common::device() {
+        let traced = Traced::new(&device, Backend::Software, &geometry);
+        assert!(found(&traced.closest(&[good])[0]));
+        assert!(traced.closest(&odd).iter().all(|hit| !found(hit)));
+        assert!(!traced.any(&odd).contains(&true));
+    }
+}
+
+#[test]
+fn a_hundred_thousand_nested_slivers_build_and_trace() {
+    let geometry = single(nested_slivers(100_000));
+    let bvh = SoftwareBvh::build(&geometry, u64::MAX).unwrap();
+    assert!(bvh.stack_depth <= MAX_STACK_DEPTH);
+    if let Some((_guard, device)) = common::device() {
+        let rays = rays(&geometry, 64);
+        let oracle = Oracle::new(&geometry);
+        let traced = Traced::new(&device, Backend::Software, &geometry);
+        check_all(&rays, &traced.closest(&rays), |ray, hit| oracle.check(ray, hit));
+    }
+}
+
+#[test]
+fn past_the_devices_memory_it_refuses() {
+    let geometry = single(closed(12, 20, 0.0));
+    let needed = SoftwareBvh::build(&geometry, u64::MAX).unwrap().bytes();
+    assert!(SoftwareBvh::build(&geometry, needed).is_ok());
+    for available in [0, 440 * 48, needed - 1] {
+        let error = SoftwareBvh::build(&geometry, available).unwrap_err();
+        assert!(
+            matches!(error, Error::TooLarge { triangles: 440, bytes, .. } if bytes > available),
+            "{error}"
+        );
+        assert!(error.to_string().contains("440 triangles"));
+    }
+}
