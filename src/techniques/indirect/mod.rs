@@ -29,8 +29,9 @@ impl IndirectConfig {
     }
 }
 
-/// VPLs one pass loops over: bounds what a single workgroup can take.
-pub(crate) const RANGE: u32 = 4096;
+/// VPLs one pass loops over. Bounds what a single workgroup can take, and stays below a limit of lavapipe before
+/// Mesa 23: it leaves a shader's loops after 65 535 iterations in all, those of traversal included, without a word.
+pub(crate) const RANGE: u32 = 512;
 
 /// Gathers irradiance (W/m²) from all VPLs.
 pub fn indirect(
