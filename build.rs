@@ -150,6 +150,9 @@ fn generate(root: &Path, sources: &[PathBuf], kernels: &BTreeMap<String, Kernel>
             if structure.members.iter().any(|member| member.ty.starts_with("uint64")) { 8 } else { 4 };
         write_structure(&mut code, name, &format!("Twin of GLSL's `{name}`."), structure, padded)?;
     }
+    for (name, value) in shared_constants(root)? {
+        writeln!(code, "/// `{name}` in GLSL.\npub const {name}: u32 = {value};").unwrap();
+    }
     let constants: Vec<_> = scene.values().map(|(_, constant)| *constant).collect();
     let doc = "What the scene needs of every kernel: specialization constants shared by all.";
     write_spec(&mut code, "SceneSpec", doc, &constants);
@@ -186,6 +189,22 @@ fn generate(root: &Path, sources: &[PathBuf], kernels: &BTreeMap<String, Kernel>
     }
     code.push_str("];\n");
     Ok(code)
+}
+
+/// Constants that shared structures are filled with: each `const uint NAME = VALUE;` of shared/types.glsl.
+fn shared_constants(root: &Path) -> Result<Vec<(String, u32)>, String> {
+    let text = fs::read_to_string(root.join("shared/types.glsl")).map_err(|error| error.to_string())?;
+    let constant = |line: &str| {
+        let (name, rest) = line.split_once(" = ")?;
+        let digits = rest.split_once("u;")?.0;
+        let value = match digits.strip_prefix("0x") {
+            Some(hex) => u32::from_str_radix(hex, 16),
+            None => digits.parse(),
+        };
+        Some((name.to_owned(), value.ok()?))
+    };
+    let lines = text.lines().filter_map(|line| line.strip_prefix("const uint "));
+    lines.map(|line| constant(line).ok_or(format!("shared/types.glsl: `{line}` is not a number"))).collect()
 }
 
 fn rust_type(glsl: &str) -> Result<String, String> {

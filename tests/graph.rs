@@ -426,6 +426,7 @@ fn what_cannot_run_says_why() {
         textures: all,
         lights: all,
         vpls: all,
+        choices: all,
         words: all,
     };
     g.pass("layout", &layout::kernel(), bind, layout::Params {}, Grid::Of([1, 1, 1]));

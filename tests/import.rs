@@ -2,8 +2,8 @@
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3, Vec4};
 use parhelion::scene::{
-    self, AlphaMode, Camera, Filter, Instance, LightKind, LoadOptions, Material, Mesh, Scene, SceneError,
-    SceneProfile, View, Wrap,
+    self, AlphaMode, Camera, Environment, Filter, Instance, LightKind, LoadOptions, Material, Mesh, Scene,
+    SceneError, SceneProfile, View, Wrap,
 };
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -917,12 +917,12 @@ fn skins_and_animations_are_named_once() {
                 "samplers": [{"input": times, "output": moves}]}),
         );
     }
-    asset.push("extensionsUsed", "KHR_materials_clearcoat".into());
+    asset.push("extensionsUsed", "KHR_materials_sheen".into());
     let notes = asset.load().unwrap().notes;
     let expected = [
         "1 skinned meshes are shown undeformed",
         "2 animations are left out",
-        "extensions left out: KHR_materials_clearcoat",
+        "extensions left out: KHR_materials_sheen",
     ];
     assert_eq!(notes, expected);
 }
@@ -1111,22 +1111,174 @@ fn textures_keep_image_sampler_and_transform() {
     assert!(profile.textures && profile.uv1);
 }
 
-#[test]
-fn other_textures_are_replaced_by_their_mean() {
+/// A square with a material that has every texture, of one image each, a texel of which is `texel(kind)`; the last two
+/// use coordinate set 1 and a transform.
+fn textured(texel: impl Fn(usize) -> [u8; 4]) -> Asset {
     let mut asset = square();
-    // Mean green 0.5, blue 0.2; sRGB 0 and 1 have the linear mean 0.5.
-    let view = asset.view(&png(2, 1, &[[0, 255, 51, 255], [255, 0, 51, 255]]), None);
-    asset.push("images", json!({"bufferView": view}));
-    asset.push("textures", json!({"source": 1}));
-    asset.json["materials"][0] = json!({"emissiveFactor": [1, 1, 0.5], "emissiveTexture": {"index": 1},
-        "pbrMetallicRoughness": {"roughnessFactor": 0.5, "metallicRoughnessTexture": {"index": 1}}});
-    let scene = asset.load().unwrap();
+    for kind in 1..10 {
+        let view = asset.view(&png(1, 1, &[texel(kind)]), None);
+        asset.push("images", json!({"bufferView": view}));
+        asset.push("textures", json!({"source": kind}));
+    }
+    asset.require("KHR_materials_clearcoat");
+    asset.require("KHR_texture_transform");
+    asset.json["materials"][0] = json!({"name": "all", "emissiveFactor": [1, 0.5, 0.25], "emissiveTexture": {"index": 3},
+    "pbrMetallicRoughness": {"roughnessFactor": 0.5, "metallicFactor": 0.75, "baseColorTexture": {"index": 0},
+        "metallicRoughnessTexture": {"index": 1}},
+    "normalTexture": {"index": 2, "scale": 0.5},
+    "occlusionTexture": {"index": 2},
+    "extensions": {
+        "KHR_materials_transmission": {"transmissionFactor": 0.5, "transmissionTexture": {"index": 4}},
+        "KHR_materials_specular": {"specularFactor": 0.5, "specularTexture": {"index": 5},
+            "specularColorFactor": [1, 1, 0.5], "specularColorTexture": {"index": 6}},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 7},
+            "clearcoatRoughnessFactor": 0.25, "clearcoatRoughnessTexture": {"index": 8, "texCoord": 1},
+            "clearcoatNormalTexture": {"index": 9, "scale": 2, "extensions": {"KHR_texture_transform":
+                {"offset": [0.5, 0], "texCoord": 1}}}}
+    }});
+    asset
+}
+
+#[test]
+fn textures_of_every_kind_are_kept() {
+    let scene = textured(|kind| [kind as u8; 4]).load().unwrap();
     let material = &scene.materials[0];
-    assert!((material.roughness - 0.25).abs() < 1e-6 && (material.metallic - 0.2).abs() < 1e-6);
-    let blue = 0.5 * ((0.2_f32 + 0.055) / 1.055).powf(2.4);
-    assert!(material.emission.abs_diff_eq(Vec3::new(0.5, 0.5, blue), 1e-6), "{}", material.emission);
-    assert!(scene.images.is_empty());
-    assert!(scene.notes.iter().any(|note| note.contains("mean")));
+    let image =
+        |texture: Option<scene::TextureRef>| scene.images[texture.unwrap().image as usize].texels[0][0];
+    assert_eq!(image(material.metallic_roughness_texture), 1);
+    let map = material.normal_map.unwrap();
+    assert_eq!((image(Some(map.texture)), map.scale), (2, 0.5));
+    assert_eq!(image(material.emission_texture), 3);
+    assert_eq!(image(material.transmission_texture), 4);
+    assert_eq!(image(material.specular_texture), 5);
+    assert_eq!(image(material.specular_color_texture), 6);
+    assert_eq!(
+        (material.metallic, material.roughness, material.transmission),
+        (0.75, 0.5, 0.5),
+        "as in the file"
+    );
+    let coat = material.clearcoat.unwrap();
+    assert_eq!((coat.factor, coat.roughness), (0.5, 0.25));
+    assert_eq!((image(coat.texture), image(coat.roughness_texture)), (7, 8));
+    assert_eq!(coat.roughness_texture.unwrap().uv_set, 1);
+    let map = coat.normal_map.unwrap();
+    assert_eq!((image(Some(map.texture)), map.scale, map.texture.uv_set), (9, 2.0, 1));
+    assert_eq!(map.texture.transform.offset, Vec2::new(0.5, 0.0));
+    let profile = SceneProfile::of(&scene, 0.1);
+    assert!(profile.metallic_roughness_textures && profile.normal_maps && profile.emission_textures);
+    assert!(profile.transmission_textures && profile.specular_textures);
+    assert!(profile.clearcoat && profile.clearcoat_textures && profile.uv1 && profile.textures);
+
+    let mut plain = textured(|_| [0; 4]);
+    plain.json["materials"][0] = json!({});
+    let profile = SceneProfile::of(&plain.load().unwrap(), 0.1);
+    assert!(!(profile.metallic_roughness_textures || profile.normal_maps || profile.emission_textures));
+    assert!(!(profile.transmission_textures || profile.specular_textures || profile.textures || profile.uv1));
+    assert!(!(profile.clearcoat || profile.clearcoat_textures));
+
+    let broken = |change: fn(&mut Value), words: &[&str]| {
+        let mut asset = textured(|_| [0; 4]);
+        change(&mut asset.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]);
+        expect("clearcoat", asset.load(), "scene.glb", "materials[0]", words);
+    };
+    broken(|coat| coat["clearcoatFactor"] = json!(1.5), &["clearcoat factor is 1.5"]);
+    broken(|coat| coat["clearcoatFactor"] = json!("thick"), &["KHR_materials_clearcoat"]);
+    broken(|coat| coat["clearcoatTexture"]["index"] = json!(70), &["textures[70]", "out of range"]);
+    broken(|coat| coat["clearcoatNormalTexture"]["index"] = json!(70), &["textures[70]", "out of range"]);
+}
+
+#[test]
+fn tangents_come_from_the_file_or_from_the_texture_coordinates() {
+    let mut asset = textured(|_| [128, 128, 255, 255]);
+    // The square's texture is upright: u along +X and v down, so the bitangent is +Y.
+    let scene = asset.load().unwrap();
+    let close = |scene: &Scene, expected: Vec4| {
+        for tangent in scene.meshes[0].tangents.as_flattened() {
+            assert!(tangent.abs_diff_eq(expected, 1e-6), "{tangent}");
+        }
+        assert_eq!(scene.meshes[0].tangents.len(), scene.meshes[0].triangles.len());
+    };
+    close(&scene, Vec4::new(1.0, 0.0, 0.0, 1.0));
+    // Turned by a right angle, u runs down and v to the left.
+    asset.json["materials"][0]["normalTexture"]["extensions"] =
+        json!({"KHR_texture_transform": {"rotation": FRAC_PI_2}});
+    let turned = asset.load().unwrap();
+    close(&turned, Vec4::new(0.0, -1.0, 0.0, 1.0));
+
+    // The file's own, which the standard wants ignored where there are no normals.
+    let tangents = asset.accessor(&bytes_of([0.0, 2.0, 0.0, -1.0].repeat(4), F32), F32, "VEC4", 4);
+    asset.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(tangents);
+    assert_eq!(asset.load().unwrap().meshes[0].tangents, turned.meshes[0].tangents);
+    let normals = asset.accessor(&bytes_of([0.0, 0.0, 1.0].repeat(4), F32), F32, "VEC3", 4);
+    asset.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals);
+    close(&asset.load().unwrap(), Vec4::new(0.0, 1.0, 0.0, -1.0));
+    asset.json["accessors"][tangents]["type"] = json!("VEC3");
+    expect("tangents", asset.load(), "scene.glb", "meshes[0].primitives[0]", &["TANGENT"]);
+
+    // No normal map, no tangents.
+    let plain = square().load().unwrap();
+    assert!(plain.meshes[0].tangents.is_empty());
+}
+
+#[test]
+fn environments_load_or_say_why_not() {
+    use parhelion::output::{Channels, Picture, write_exr};
+    let folder = tempfile::tempdir().unwrap();
+    let exr = |name: &str, names: &[&str], data: &[f32]| {
+        let file = folder.path().join(name);
+        let channels = vec![Channels { names: names.iter().map(ToString::to_string).collect(), data }];
+        let size = [2, (data.len() / names.len() / 2) as u32];
+        let picture = Picture { size, window: [0, 0, 2, size[1]], channels, attributes: Vec::new() };
+        write_exr(&file, &picture).unwrap();
+        file
+    };
+    let rgb = ["R", "G", "B"];
+    let good = Environment::load(&exr("good.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])).unwrap();
+    assert_eq!((good.width, good.height), (2, 1));
+    assert_eq!(good.texels, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0)]);
+    let grey = Environment::load(&exr("grey.exr", &["Y"], &[7.0, 8.0])).unwrap();
+    assert_eq!(grey.texels, [Vec3::splat(7.0), Vec3::splat(8.0)]);
+
+    // Radiance's shared exponent, without run lengths: 2 × 1 texels of (1, 0.5, 0) and (64, 128, 0).
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
+    bytes.extend([128, 64, 0, 129, 64, 128, 0, 136]);
+    let file = write(folder.path(), "sky.hdr", &bytes);
+    let sky = Environment::load(&file).unwrap();
+    assert_eq!(sky.texels, [Vec3::new(1.0, 0.5, 0.0), Vec3::new(64.0, 128.0, 0.0)]);
+
+    // +X in the middle, −X at both edges; +Z right of the middle.
+    let around = Environment {
+        name: "around".into(),
+        width: 4,
+        height: 1,
+        texels: [1.0, 2.0, 3.0, 4.0].map(Vec3::splat).to_vec(),
+    };
+    let at = |direction: Vec3| around.radiance(direction).x;
+    assert!((at(Vec3::X) - 2.5).abs() < 1e-6 && (at(Vec3::NEG_X) - 2.5).abs() < 1e-6);
+    assert!((at(Vec3::Z) - 3.5).abs() < 1e-6 && (at(Vec3::NEG_Z) - 1.5).abs() < 1e-6);
+
+    let fails = |file: &Path, words: &[&str]| {
+        let error = Environment::load(file).expect_err("it is broken").to_string();
+        for word in [file.to_str().unwrap(), "environment"].iter().chain(words) {
+            assert!(error.contains(word), "`{error}` lacks `{word}`");
+        }
+    };
+    fails(&exr("nan.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, f32::NAN, 6.0]), &["texel (1, 0)", "not finite"]);
+    fails(&exr("inf.exr", &rgb, &[1.0, 2.0, f32::INFINITY, 4.0, 5.0, 6.0]), &["texel (0, 0)", "not finite"]);
+    fails(&exr("minus.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, 5.0, -6.0]), &["texel (1, 0)", "negative"]);
+    fails(&exr("depth.exr", &["Z"], &[1.0, 2.0]), &["channels"]);
+    fails(&write(folder.path(), "cut.hdr", &bytes[..bytes.len() - 4]), &["can't be decoded"]);
+    fails(&write(folder.path(), "cut.exr", b"v/1"), &["can't be decoded"]);
+    let huge = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 16000\n";
+    fails(&write(folder.path(), "huge.hdr", huge), &["16000×16000"]);
+    fails(&write(folder.path(), "sky.png", &bytes), &["neither .exr nor .hdr"]);
+    fails(&folder.path().join("absent.exr"), &["can't be read"]);
+
+    let mut scene = square().load().unwrap();
+    scene.environment = Some(Environment::constant(Vec3::ONE));
+    assert!(scene.validate().is_ok() && SceneProfile::of(&scene, 0.1).environment);
+    scene.environment = Some(Environment::constant(Vec3::NEG_ONE));
+    assert_eq!(scene.validate().unwrap_err().element, "environment");
 }
 
 #[test]
@@ -1271,6 +1423,8 @@ fn scenes_made_in_code_are_checked() {
         ),
         ("image", |s| s.images.clear(), "materials[0]"),
         ("roughness", |s| s.materials[0].roughness = -0.5, "materials[0]"),
+        ("tangent count", |s| s.meshes[0].tangents = vec![[Vec4::ONE.normalize(); 3]; 3], "meshes[0]"),
+        ("tangent", |s| s.meshes[0].tangents = vec![[Vec4::ONE; 3]; 2], "meshes[0]"),
         ("texels", |s| s.images[0].texels.truncate(1), "images[0]"),
         ("no texels", |s| s.images[0].width = 0, "images[0]"),
         ("direction", |s| s.lights[0].direction = Vec3::ZERO, "lights[0]"),

@@ -1,8 +1,13 @@
+// Lights: one to ask for light at a point, chosen in proportion to power, and the densities of that choice.
+//
+// Directions point away from the point that is lit and have unit length. The environment is an equirectangular image
+// whose centre is +X, a quarter to the right +Z, the top row +Y; bilinear, without mip levels.
 #ifndef LIB_LIGHTS_GLSL
 #define LIB_LIGHTS_GLSL
 
-#include "shared/profile.glsl"
-#include "shared/scene.glsl"
+#include "lib/sampling.glsl"
+#include "lib/surface.glsl"
+#include "trace/offset.glsl"
 
 // Share of a spot light's intensity along unit `direction` away from it (KHR_lights_punctual).
 float spot_falloff(Light light, vec3 direction) {
@@ -12,5 +17,182 @@ float spot_falloff(Light light, vec3 direction) {
 
 bool is_spot(Light light) { return SPOT_LIGHTS && light.kind == LIGHT_SPOT; }
 bool is_directional(Light light) { return DIRECTIONAL_LIGHTS && light.kind == LIGHT_DIRECTIONAL; }
+
+struct LightSample {
+    vec3 direction;
+    float distance;         // only an occluder lies nearer, along the direction from `from` (m)
+    vec3 radiance_over_pdf; // of delta lights intensity over squared distance (W/m²) over the probability of the choice
+    float pdf;              // by solid angle, the choice included; 0 of delta lights
+    bool delta;             // no ray finds it
+};
+
+// Angle from +Y.
+float polar_angle(vec3 direction) { return atan(length(direction.xz), direction.y); }
+
+// Column and row of the environment, in texels from the upper left corner.
+vec2 environment_position(vec3 direction) {
+    vec2 uv = vec2(atan(direction.z, direction.x) / (2.0 * PI) + 0.5, polar_angle(direction) / PI);
+    return uv * vec2(scene.environment_size);
+}
+
+vec3 environment_texel(int x, int y) {
+    ivec2 size = ivec2(scene.environment_size);
+    x = x < 0 ? x + size.x : x >= size.x ? x - size.x : x;
+    return Vec3Array(scene.environment)[uint(clamp(y, 0, size.y - 1) * size.x + x)].at;
+}
+
+// W/(sr·m²) from infinitely far away; black without an environment.
+vec3 environment_radiance(vec3 direction) {
+    if (scene.environment == 0UL) return vec3(0.0);
+    vec2 position = environment_position(direction) - 0.5;
+    vec2 corner = floor(position);
+    vec2 f = position - corner;
+    ivec2 i = ivec2(corner);
+    return mix(mix(environment_texel(i.x, i.y), environment_texel(i.x + 1, i.y), f.x),
+               mix(environment_texel(i.x, i.y + 1), environment_texel(i.x + 1, i.y + 1), f.x), f.y);
+}
+
+float cumulative(FloatArray cdf, uint i) { return i == 0u ? 0.0 : cdf[i - 1u].at; }
+
+// The first whose cumulative probability is more than u.
+uint invert(FloatArray cdf, uint count, float u) {
+    uint low = 0u, high = count - 1u;
+    while (low < high) {
+        uint middle = (low + high) / 2u;
+        if (cdf[middle].at > u) high = middle;
+        else low = middle + 1u;
+    }
+    return low;
+}
+
+FloatArray environment_column_cdf(uint row) {
+    return FloatArray(scene.environment_columns) + row * scene.environment_size.x;
+}
+
+// Probability of a texel over its solid angle.
+float environment_density(uvec2 cell) {
+    FloatArray rows = FloatArray(scene.environment_rows), columns = environment_column_cdf(cell.y);
+    float probability = (rows[cell.y].at - cumulative(rows, cell.y)) * (columns[cell.x].at - cumulative(columns, cell.x));
+    vec2 size = vec2(scene.environment_size);
+    float solid_angle = (4.0 * PI / size.x) * sin(PI * (float(cell.y) + 0.5) / size.y) * sin(0.5 * PI / size.y);
+    return probability / solid_angle;
+}
+
+float environment_probability() {
+    return LightChoiceArray(scene.light_choices)[scene.light_choice_count - 1u].at.probability;
+}
+
+// Density by solid angle with which sample_light gives a direction to the environment.
+float environment_pdf(vec3 direction) {
+    if (scene.environment_rows == 0UL) return 0.0;
+    uvec2 cell = min(uvec2(environment_position(direction)), scene.environment_size - 1u);
+    return environment_probability() * environment_density(cell);
+}
+
+vec3 sample_environment(vec2 u, out uvec2 cell) {
+    uvec2 size = scene.environment_size;
+    FloatArray rows = FloatArray(scene.environment_rows);
+    cell.y = invert(rows, size.y, u.y);
+    float before = cumulative(rows, cell.y);
+    float v = (u.y - before) / (rows[cell.y].at - before);
+    FloatArray columns = environment_column_cdf(cell.y);
+    cell.x = invert(columns, size.x, u.x);
+    before = cumulative(columns, cell.x);
+    float azimuth = 2.0 * PI * ((float(cell.x) + (u.x - before) / (columns[cell.x].at - before)) / float(size.x) - 0.5);
+    // Uniform in cosθ, counted from the nearer pole, where 1 − cosθ keeps its digits.
+    bool south = 2u * cell.y >= size.y;
+    uint from_pole = south ? size.y - 1u - cell.y : cell.y;
+    if (south) v = 1.0 - v;
+    float sine = sin(0.5 * PI * float(from_pole) / float(size.y));
+    float height = 2.0 * sin(PI * (float(from_pole) + 0.5) / float(size.y)) * sin(0.5 * PI / float(size.y));
+    float k = 2.0 * sine * sine + v * height;
+    float radius = sqrt(max(0.0, k * (2.0 - k)));
+    return vec3(radius * cos(azimuth), south ? k - 1.0 : 1.0 - k, radius * sin(azimuth));
+}
+
+// Density by area of points that sample_light takes on a triangle.
+float emitter_density(uint triangle) {
+    return FloatArray(scene.emission_weights)[triangle].at * scene.inverse_power;
+}
+
+bool sample_emitter(vec3 from, vec2 u, LightChoice choice, out LightSample s) {
+    Instance instance = InstanceArray(scene.instances)[choice.instance].at;
+    uint index = instance.first_triangle + choice.primitive;
+    Triangle triangle = TriangleArray(scene.triangles)[index].at;
+    float root = sqrt(u.x);
+    vec3 w = vec3(1.0 - root, root * (1.0 - u.y), root * u.y);
+    vec3 position, normal;
+    point_on(instance, choice.instance == 0u, triangle, w, position, normal);
+    Material material = MaterialArray(scene.materials)[triangle.material & ~TRIANGLE_MIRRORED].at;
+    bool front = dot(normal, from - position) >= 0.0;
+    if (!front) normal = -normal;
+    vec3 to = offset_origin(position, normal) - from;
+    float distance2 = dot(to, to);
+    float cosine = -dot(normal, to) * inversesqrt(distance2);
+    if (!(cosine > 0.0)) return false;
+    TextureCoordinates at = texture_coordinates(triangle.vertices, w);
+    material.emission = emission_at(material, at);
+    vec3 radiance = emitted_radiance(material, front);
+    float alpha = base_color(material, triangle.vertices, w, at).a;
+    if (ALPHA_MASK && (material.flags & MATERIAL_ALPHA_MASK) != 0u && alpha < material.alpha_cutoff) return false;
+    material.alpha = alpha;
+    radiance *= coverage(material);
+    if (radiance == vec3(0.0)) return false;
+    float pdf = emitter_density(index) * distance2 / cosine;
+    float distance = sqrt(distance2);
+    s = LightSample(to / distance, distance, radiance / pdf, pdf, false);
+    return true;
+}
+
+// Light that arrives at `from`, an origin off its surface, unless something is between. `u`: three numbers in [0, 1), x
+// for the choice. False: nothing arrives.
+bool sample_light(vec3 from, vec3 u, out LightSample s) {
+    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
+    uint count = scene.light_choice_count;
+    if (count == 0u) return false;
+    LightChoiceArray choices = LightChoiceArray(scene.light_choices);
+    float place = u.x * float(count);
+    uint i = min(uint(place), count - 1u);
+    LightChoice choice = choices[i].at;
+    if (place - float(i) >= choice.threshold) {
+        i = choice.alias;
+        choice = choices[i].at;
+    }
+    if (ENVIRONMENT && scene.environment_rows != 0UL && i == count - 1u) {
+        uvec2 cell;
+        s.direction = sample_environment(u.yz, cell);
+        s.distance = 4.0 * scene.scene_radius;
+        s.pdf = choice.probability * environment_density(cell);
+        s.radiance_over_pdf = environment_radiance(s.direction) / s.pdf;
+        return s.radiance_over_pdf != vec3(0.0);
+    }
+    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, s);
+    Light light = LightArray(scene.lights)[i].at;
+    s.delta = true;
+    vec3 arriving = light.intensity / choice.probability;
+    if (is_directional(light)) {
+        s.direction = -light.direction;
+        s.distance = 4.0 * scene.scene_radius;
+    } else {
+        vec3 to = light.position - from;
+        float distance2 = dot(to, to);
+        if (distance2 == 0.0) return false;
+        s.distance = sqrt(distance2);
+        s.direction = to / s.distance;
+        arriving /= distance2;
+        if (is_spot(light)) arriving *= spot_falloff(light, -s.direction);
+    }
+    s.radiance_over_pdf = arriving;
+    return arriving != vec3(0.0);
+}
+
+// Density by solid angle with which sample_light gives the direction of a ray of unit length that found this surface
+// `distance` away; 0 where the side that it shows does not emit. `s` faces `wo`, against the ray.
+float light_pdf(Hit hit, Surface s, bool front, vec3 wo, float distance) {
+    if (scene.emission_weights == 0UL || (!front && (s.material.flags & MATERIAL_DOUBLE_SIDED) == 0u)) return 0.0;
+    uint index = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at.first_triangle + hit.primitive;
+    float cosine = dot(s.geometric_normal, wo);
+    return cosine > 0.0 ? emitter_density(index) * distance * distance / cosine : 0.0;
+}
 
 #endif

@@ -6,13 +6,12 @@
 #include "shared/scene.glsl"
 #include "trace/hit.glsl"
 
-const uint TRIANGLE_MIRRORED = 0x80000000u; // bit of Triangle.material: merged from a mirrored instance
-
 struct Surface {
     vec3 position;
     vec3 geometric_normal; // unit length, on the front side until facing() turns it
     vec3 normal;           // shading normal, unit length, on the geometric normal's side
-    Material material;     // base colour and alpha with texture and vertex colour multiplied in
+    vec3 clearcoat_normal; // of the layer on top, as `normal`
+    Material material;     // its textures and the vertex colour multiplied in
 };
 
 float srgb_to_linear(float v) {
@@ -21,8 +20,8 @@ float srgb_to_linear(float v) {
 
 uint wrap_texel(int i, uint size, uint mode) {
     int n = int(size);
-    if (mode == 2u) return uint(clamp(i, 0, n - 1));
-    int period = mode == 1u ? 2 * n : n;
+    if (mode == TEXTURE_WRAP_CLAMP) return uint(clamp(i, 0, n - 1));
+    int period = mode == TEXTURE_WRAP_MIRROR ? 2 * n : n;
     int m = i % period;
     if (m < 0) m += period;
     return uint(m < n ? m : 2 * n - 1 - m);
@@ -32,13 +31,20 @@ vec4 texel(Texture tex, int x, int y) {
     uint column = wrap_texel(x, tex.size.x, (tex.flags >> TEXTURE_WRAP_U_SHIFT) & 3u);
     uint row = wrap_texel(y, tex.size.y, (tex.flags >> TEXTURE_WRAP_V_SHIFT) & 3u);
     vec4 v = unpackUnorm4x8(TexelArray(tex.texels)[row * tex.size.x + column].at);
+    if ((tex.flags & TEXTURE_SRGB) == 0u) return v;
     return vec4(srgb_to_linear(v.r), srgb_to_linear(v.g), srgb_to_linear(v.b), v.a);
 }
 
+// Both sets at a point.
+struct TextureCoordinates {
+    vec2 uv0;
+    vec2 uv1;
+};
+
 // Level 0 only: nearest, or bilinear in linear light.
-vec4 sample_texture(uint index, vec2 uv0, vec2 uv1) {
+vec4 sample_texture(uint index, TextureCoordinates at) {
     Texture tex = TextureArray(scene.textures)[index].at;
-    vec2 uv = UV1 && (tex.flags & TEXTURE_UV1) != 0u ? uv1 : uv0;
+    vec2 uv = UV1 && (tex.flags & TEXTURE_UV1) != 0u ? at.uv1 : at.uv0;
     uv = vec2(dot(tex.transform_u, vec3(uv, 1.0)), dot(tex.transform_v, vec3(uv, 1.0)));
     // Wrapping in integers needs coordinates they can hold.
     vec2 position = clamp(uv, -1e4, 1e4) * vec2(tex.size);
@@ -58,18 +64,70 @@ vec2 interpolate_uv(uint64_t array, uvec3 v, vec3 w) {
     return w.x * uv[v.x].at + w.y * uv[v.y].at + w.z * uv[v.z].at;
 }
 
-vec4 base_color(Material material, uvec3 v, vec3 w) {
+TextureCoordinates texture_coordinates(uvec3 v, vec3 w) {
+    return TextureCoordinates(scene.uv0 != 0UL ? interpolate_uv(scene.uv0, v, w) : vec2(0.0),
+                              UV1 && scene.uv1 != 0UL ? interpolate_uv(scene.uv1, v, w) : vec2(0.0));
+}
+
+vec4 base_color(Material material, uvec3 v, vec3 w, TextureCoordinates at) {
     vec4 color = vec4(material.base_color, material.alpha);
     if (VERTEX_COLORS && scene.colors != 0UL) {
         Vec4Array colors = Vec4Array(scene.colors);
         color *= w.x * colors[v.x].at + w.y * colors[v.y].at + w.z * colors[v.z].at;
     }
     if (TEXTURES && material.base_color_texture != NO_TEXTURE) {
-        vec2 uv0 = scene.uv0 != 0UL ? interpolate_uv(scene.uv0, v, w) : vec2(0.0);
-        vec2 uv1 = UV1 && scene.uv1 != 0UL ? interpolate_uv(scene.uv1, v, w) : vec2(0.0);
-        color *= sample_texture(material.base_color_texture, uv0, uv1);
+        color *= sample_texture(material.base_color_texture, at);
     }
     return color;
+}
+
+vec3 emission_at(Material material, TextureCoordinates at) {
+    vec3 emission = material.emission;
+    if (EMISSION_TEXTURES && material.emission_texture != NO_TEXTURE) {
+        emission *= sample_texture(material.emission_texture, at).rgb;
+    }
+    return emission;
+}
+
+// Multiplies textures into the factors they stand behind; maps of normals apart.
+void apply_textures(inout Material material, TextureCoordinates at) {
+    material.emission = emission_at(material, at);
+    if (METALLIC_ROUGHNESS_TEXTURES && material.metallic_roughness_texture != NO_TEXTURE) {
+        vec4 v = sample_texture(material.metallic_roughness_texture, at);
+        material.roughness *= v.g;
+        material.metallic *= v.b;
+    }
+    if (TRANSMISSION_TEXTURES && material.transmission_texture != NO_TEXTURE) {
+        material.transmission *= sample_texture(material.transmission_texture, at).r;
+    }
+    if (SPECULAR_TEXTURES && material.specular_texture != NO_TEXTURE) {
+        material.specular *= sample_texture(material.specular_texture, at).a;
+    }
+    if (SPECULAR_TEXTURES && material.specular_color_texture != NO_TEXTURE) {
+        material.specular_color *= sample_texture(material.specular_color_texture, at).rgb;
+    }
+    if (CLEARCOAT_TEXTURES && material.clearcoat_texture != NO_TEXTURE) {
+        material.clearcoat *= sample_texture(material.clearcoat_texture, at).r;
+    }
+    if (CLEARCOAT_TEXTURES && material.clearcoat_roughness_texture != NO_TEXTURE) {
+        material.clearcoat_roughness *= sample_texture(material.clearcoat_roughness_texture, at).g;
+    }
+}
+
+// A shading normal bent by a map, on the side of the geometric normal. `tangent` has the sign of the bitangent in w;
+// without one nothing changes.
+vec3 mapped_normal(uint map, float scale, TextureCoordinates at, vec3 normal, vec4 tangent, vec3 geometric_normal) {
+    vec3 t = tangent.xyz - dot(tangent.xyz, normal) * normal;
+    float length2 = dot(t, t);
+    if (map == NO_TEXTURE || length2 == 0.0) return normal;
+    t *= inversesqrt(length2);
+    vec3 b = (tangent.w < 0.0 ? -1.0 : 1.0) * cross(normal, t);
+    vec3 v = 2.0 * sample_texture(map, at).xyz - 1.0;
+    vec3 n = scale * (v.x * t + v.y * b) + v.z * normal;
+    float lift = 1e-3 * length(n) - dot(n, geometric_normal);
+    if (lift > 0.0) n += lift * geometric_normal;
+    length2 = dot(n, n);
+    return length2 > 0.0 ? n * inversesqrt(length2) : normal;
 }
 
 vec3 weights(vec2 barycentrics) {
@@ -81,30 +139,38 @@ bool alpha_hole(uint instance, uint primitive, vec2 barycentrics) {
     Triangle triangle = TriangleArray(scene.triangles)[InstanceArray(scene.instances)[instance].at.first_triangle + primitive].at;
     Material material = MaterialArray(scene.materials)[triangle.material & ~TRIANGLE_MIRRORED].at;
     if ((material.flags & MATERIAL_ALPHA_MASK) == 0u) return false;
-    return base_color(material, triangle.vertices, weights(barycentrics)).a < material.alpha_cutoff;
+    vec3 w = weights(barycentrics);
+    return base_color(material, triangle.vertices, w, texture_coordinates(triangle.vertices, w)).a < material.alpha_cutoff;
 }
 
-Surface surface_at(Hit hit) {
-    Instance instance = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at;
-    Triangle triangle = TriangleArray(scene.triangles)[instance.first_triangle + hit.primitive].at;
-    uvec3 v = triangle.vertices;
-    vec3 w = weights(hit.barycentrics);
-
+// A point on a triangle in the world, and the unit normal of its front.
+void point_on(Instance instance, bool merged, Triangle triangle, vec3 w, out vec3 position, out vec3 normal) {
     Vec3Array positions = Vec3Array(scene.positions);
+    uvec3 v = triangle.vertices;
     vec3 a = positions[v.x].at, b = positions[v.y].at, c = positions[v.z].at;
-    if (INSTANCED && hit.instance != 0u) {
+    if (!merged) {
         a = instance.object_to_world * vec4(a, 1.0);
         b = instance.object_to_world * vec4(b, 1.0);
         c = instance.object_to_world * vec4(c, 1.0);
     }
-    Surface surface;
     // Relative to one corner: differences stay exact far from the origin.
-    surface.position = a + (w.y * (b - a) + w.z * (c - a));
+    position = a + (w.y * (b - a) + w.z * (c - a));
     float winding = (triangle.material & TRIANGLE_MIRRORED) != 0u ? -1.0 : instance.orientation;
     vec3 across = cross(b - a, c - a);
     // A sliver's square may underflow, or its cross product round to nothing.
     float largest = max(abs(across.x), max(abs(across.y), abs(across.z)));
-    surface.geometric_normal = largest > 0.0 ? winding * normalize(across / largest) : vec3(0.0, 0.0, 1.0);
+    normal = largest > 0.0 ? winding * normalize(across / largest) : vec3(0.0, 0.0, 1.0);
+}
+
+Surface surface_at(Hit hit) {
+    bool merged = true;
+    if (INSTANCED) merged = hit.instance == 0u;
+    Instance instance = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at;
+    Triangle triangle = TriangleArray(scene.triangles)[instance.first_triangle + hit.primitive].at;
+    uvec3 v = triangle.vertices;
+    vec3 w = weights(hit.barycentrics);
+    Surface surface;
+    point_on(instance, merged, triangle, w, surface.position, surface.geometric_normal);
 
     surface.normal = surface.geometric_normal;
     if (SMOOTH_NORMALS && scene.normals != 0UL) {
@@ -122,9 +188,28 @@ Surface surface_at(Hit hit) {
         }
     }
     surface.material = MaterialArray(scene.materials)[triangle.material & ~TRIANGLE_MIRRORED].at;
-    vec4 color = base_color(surface.material, v, w);
+    TextureCoordinates at = texture_coordinates(v, w);
+    vec4 color = base_color(surface.material, v, w, at);
     surface.material.base_color = color.rgb;
     surface.material.alpha = color.a;
+    apply_textures(surface.material, at);
+    surface.clearcoat_normal = surface.normal;
+    if (NORMAL_MAPS && scene.tangents != 0UL) {
+        Vec4Array tangents = Vec4Array(scene.tangents);
+        uint corner = 3u * (instance.first_triangle + hit.primitive);
+        vec4 t = w.x * tangents[corner].at + w.y * tangents[corner + 1u].at + w.z * tangents[corner + 2u].at;
+        if (INSTANCED && hit.instance != 0u) {
+            t = vec4(mat3(instance.object_to_world) * t.xyz, instance.orientation * t.w);
+        }
+        Material material = surface.material;
+        vec3 normal = surface.normal, geometric_normal = surface.geometric_normal;
+        surface.normal =
+            mapped_normal(material.normal_texture, material.normal_scale, at, normal, t, geometric_normal);
+        if (CLEARCOAT) {
+            surface.clearcoat_normal = mapped_normal(material.clearcoat_normal_texture, material.clearcoat_normal_scale,
+                                                     at, normal, t, geometric_normal);
+        }
+    }
     return surface;
 }
 
@@ -134,8 +219,14 @@ bool face(inout Surface surface, vec3 to_viewer) {
     if (!front) {
         surface.geometric_normal = -surface.geometric_normal;
         surface.normal = -surface.normal;
+        surface.clearcoat_normal = -surface.clearcoat_normal;
     }
     return front;
+}
+
+// Share of light that meets the surface; the rest passes as if it were not there.
+float coverage(Material material) {
+    return ALPHA_BLEND && (material.flags & MATERIAL_ALPHA_BLEND) != 0u ? material.alpha : 1.0;
 }
 
 vec3 emitted_radiance(Material material, bool front) {

@@ -4,7 +4,7 @@
 
 layout(constant_id = 100) const bool ALPHA_MASK = true;
 layout(constant_id = 101) const bool INSTANCED = true; // more than the one merged mesh
-layout(constant_id = 102) const bool TEXTURES = true;
+layout(constant_id = 102) const bool TEXTURES = true; // of base colour
 layout(constant_id = 103) const bool UV1 = true;
 layout(constant_id = 104) const bool VERTEX_COLORS = true;
 layout(constant_id = 105) const bool SMOOTH_NORMALS = true;
@@ -13,5 +13,15 @@ layout(constant_id = 107) const bool GLASS = true;
 layout(constant_id = 108) const bool VOLUMES = true;
 layout(constant_id = 109) const bool SPOT_LIGHTS = true;
 layout(constant_id = 110) const bool DIRECTIONAL_LIGHTS = true;
+layout(constant_id = 120) const bool METALLIC_ROUGHNESS_TEXTURES = true;
+layout(constant_id = 121) const bool NORMAL_MAPS = true;
+layout(constant_id = 122) const bool SPECULAR_TEXTURES = true;
+layout(constant_id = 123) const bool TRANSMISSION_TEXTURES = true;
+layout(constant_id = 124) const bool EMISSION_TEXTURES = true;
+layout(constant_id = 125) const bool CLEARCOAT = true;
+layout(constant_id = 126) const bool CLEARCOAT_TEXTURES = true;
+layout(constant_id = 127) const bool ALPHA_BLEND = true;
+layout(constant_id = 128) const bool EMISSIVE_TRIANGLES = true;
+layout(constant_id = 129) const bool ENVIRONMENT = true;
 
 #endif

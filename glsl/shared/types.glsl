@@ -1,4 +1,5 @@
-// Structures shared with Rust: build.rs reflects them through test/layout.comp and writes their twins.
+// Structures shared with Rust: build.rs reflects them through test/layout.comp and writes their twins, and those of
+// the constants here.
 // Scalar layout everywhere: no padding but what stands here, for 64-bit alignment.
 #ifndef SHARED_TYPES_GLSL
 #define SHARED_TYPES_GLSL
@@ -17,10 +18,13 @@ struct Triangle {
     uint material;
 };
 
+const uint TRIANGLE_MIRRORED = 0x80000000u; // bit of Triangle.material: merged from a mirrored instance
+
 const uint MATERIAL_DOUBLE_SIDED = 1u; // emission leaves both sides
 const uint MATERIAL_UNLIT = 2u;
 const uint MATERIAL_ALPHA_MASK = 4u;
 const uint MATERIAL_SOLID = 8u; // transmits into a volume; a thin wall otherwise
+const uint MATERIAL_ALPHA_BLEND = 16u; // alpha is the share of light that meets the surface
 const uint NO_TEXTURE = 0xffffffffu;
 
 struct Material {
@@ -36,16 +40,32 @@ struct Material {
     float transmission;
     float alpha_cutoff;
     uint flags;
+    float clearcoat;
+    float clearcoat_roughness;
+    float normal_scale;
+    float clearcoat_normal_scale;
     uint base_color_texture;
+    uint metallic_roughness_texture; // roughness green, metalness blue
+    uint normal_texture;
+    uint emission_texture;
+    uint transmission_texture; // red
+    uint specular_texture;     // alpha
+    uint specular_color_texture;
+    uint clearcoat_texture;           // red
+    uint clearcoat_roughness_texture; // green
+    uint clearcoat_normal_texture;
 };
 
 const uint TEXTURE_NEAREST = 1u;
 const uint TEXTURE_UV1 = 2u;
 const uint TEXTURE_WRAP_U_SHIFT = 2u; // two bits each: 0 repeat, 1 mirrored repeat, 2 clamp to edge
 const uint TEXTURE_WRAP_V_SHIFT = 4u;
+const uint TEXTURE_WRAP_MIRROR = 1u;
+const uint TEXTURE_WRAP_CLAMP = 2u;
+const uint TEXTURE_SRGB = 64u; // red, green and blue are to be decoded
 
 struct Texture {
-    uint64_t texels; // rgba8, colour in sRGB
+    uint64_t texels; // rgba8
     uvec2 size;
     vec3 transform_u; // u' = dot(transform_u, (u, v, 1))
     vec3 transform_v;
@@ -66,6 +86,16 @@ struct Light {
     float cos_outer;
     vec3 flux;        // W, all of what it emits
     float power_cdf;  // share of the lights up to and with this one in the power
+};
+
+// What sample_light chooses from, in proportion to power: the lights, then emissive triangles, last the environment. An
+// alias table (Vose 1991).
+struct LightChoice {
+    float probability;
+    float threshold; // share of this place that is its own; the rest is the alias's
+    uint alias;
+    uint instance; // of a triangle, as in Hit
+    uint primitive;
 };
 
 // A virtual point light. Flux 0 marks a slot whose path ended.
@@ -93,9 +123,15 @@ struct SceneData {
     uint64_t uv0;
     uint64_t uv1;
     uint64_t colors;
+    uint64_t tangents; // three a triangle
     uint64_t materials;
     uint64_t textures;
     uint64_t lights;
+    uint64_t light_choices;
+    uint64_t emission_weights; // power of each triangle over its area, W/m²
+    uint64_t environment;         // radiance, vec3, rows from +Y down
+    uint64_t environment_rows;    // cumulative probability
+    uint64_t environment_columns; // of each row, cumulative probability
     uint64_t bvh_nodes;
     uint64_t bvh_triangles;
     uint64_t ray_counters; // 0: rays are not counted
@@ -111,7 +147,10 @@ struct SceneData {
     uint seed;
     uint specular_depth;
     float mirror_roughness;
-    uint padding0;
+    uint energy_conserving; // 0: dielectric and diffuse parts are mixed as published
+    uint light_choice_count;
+    float inverse_power; // 1/W, of all choices
+    uvec2 environment_size;
 };
 
 #endif

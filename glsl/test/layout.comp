@@ -11,7 +11,8 @@ layout(set = 1, binding = 2, scalar) readonly buffer Materials { Material data[]
 layout(set = 1, binding = 3, scalar) readonly buffer Textures { Texture data[]; } textures;
 layout(set = 1, binding = 4, scalar) readonly buffer Lights { Light data[]; } lights;
 layout(set = 1, binding = 5, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
-layout(set = 1, binding = 6, scalar) writeonly buffer Words { uint data[]; } words;
+layout(set = 1, binding = 6, scalar) readonly buffer Choices { LightChoice data[]; } choices;
+layout(set = 1, binding = 7, scalar) writeonly buffer Words { uint data[]; } words;
 
 uint next = 0u;
 void put(uint v) { words.data[next++] = v; }
@@ -31,7 +32,10 @@ void main() {
     Material m = materials.data[1];
     put(m.base_color); put(m.alpha); put(m.emission); put(m.roughness); put(m.specular_color); put(m.specular);
     put(m.absorption); put(m.metallic); put(m.ior); put(m.transmission); put(m.alpha_cutoff); put(m.flags);
-    put(m.base_color_texture);
+    put(m.clearcoat); put(m.clearcoat_roughness); put(m.normal_scale); put(m.clearcoat_normal_scale);
+    put(m.base_color_texture); put(m.metallic_roughness_texture); put(m.normal_texture); put(m.emission_texture);
+    put(m.transmission_texture); put(m.specular_texture); put(m.specular_color_texture); put(m.clearcoat_texture);
+    put(m.clearcoat_roughness_texture); put(m.clearcoat_normal_texture);
     Texture x = textures.data[1];
     put(x.texels); put(x.size); put(x.transform_u); put(x.transform_v); put(x.flags); put(x.padding0);
     Light l = lights.data[1];
@@ -39,11 +43,15 @@ void main() {
     put(l.flux); put(l.power_cdf);
     Vpl v = vpls.data[1];
     put(v.position); put(v.path); put(v.normal); put(v.bounce); put(v.flux);
+    LightChoice c = choices.data[1];
+    put(c.probability); put(c.threshold); put(c.alias); put(c.instance); put(c.primitive);
     SceneData s = scene;
-    put(s.instances); put(s.triangles); put(s.positions); put(s.normals); put(s.uv0); put(s.uv1); put(s.colors);
-    put(s.materials); put(s.textures); put(s.lights); put(s.bvh_nodes); put(s.bvh_triangles); put(s.ray_counters);
+    put(s.instances); put(s.triangles); put(s.positions); put(s.normals); put(s.uv0); put(s.uv1); put(s.colors); put(s.tangents);
+    put(s.materials); put(s.textures); put(s.lights); put(s.light_choices); put(s.emission_weights);
+    put(s.environment); put(s.environment_rows); put(s.environment_columns); put(s.bvh_nodes); put(s.bvh_triangles); put(s.ray_counters);
     put(s.light_count); put(s.triangle_count); put(s.ray_epsilon); put(s.scene_center); put(s.scene_radius);
     put(s.camera.eye); put(s.camera.orthographic); put(s.camera.right);
     put(s.camera.up); put(s.camera.forward);
-    put(s.full_size); put(s.window_origin); put(s.pixel_offset); put(s.seed); put(s.specular_depth); put(s.mirror_roughness); put(s.padding0);
+    put(s.full_size); put(s.window_origin); put(s.pixel_offset); put(s.seed); put(s.specular_depth); put(s.mirror_roughness);
+    put(s.energy_conserving); put(s.light_choice_count); put(s.inverse_power); put(s.environment_size);
 }

@@ -1,28 +1,28 @@
 //! A scene's shading data on a device: what `glsl/lib/surface.glsl` and `glsl/lib/lights.glsl` read.
 
-use super::{AlphaMode, Filter, Light, LightKind, Scene, TextureRef, Wrap};
+use super::emitter::{self, Emitter, EnvironmentTable};
+use super::material::TextureUse;
+use super::{AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, TextureRef, Wrap};
 use crate::accel::Geometry;
-use crate::shaders::{self, SceneData};
+use crate::shaders::{
+    self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
+    MATERIAL_DOUBLE_SIDED, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE, SceneData, TEXTURE_NEAREST,
+    TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_U_SHIFT,
+    TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
+};
 use crate::vk;
 use glam::{Mat3, Mat3A, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
-
-const MATERIAL_DOUBLE_SIDED: u32 = 1;
-const MATERIAL_UNLIT: u32 = 2;
-const MATERIAL_ALPHA_MASK: u32 = 4;
-const MATERIAL_SOLID: u32 = 8;
-const NO_TEXTURE: u32 = u32::MAX;
-const TEXTURE_NEAREST: u32 = 1;
-const TEXTURE_UV1: u32 = 2;
-const TEXTURE_WRAP_U_SHIFT: u32 = 2;
-const TEXTURE_WRAP_V_SHIFT: u32 = 4;
-const TRIANGLE_MIRRORED: u32 = 1 << 31;
 
 /// Buffers that live as long as the scene, and their addresses.
 #[derive(Debug)]
 pub struct GpuScene {
     buffers: Vec<vk::Buffer>,
     lights: Option<vk::Buffer>,
+    light_choices: Option<vk::Buffer>,
+    emitters: Vec<Emitter>,
+    /// Power of the environment (W, all channels); 0 without one.
+    environment_power: f64,
     /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
     pub(crate) data: SceneData,
 }
@@ -33,7 +33,14 @@ impl GpuScene {
     /// # Errors
     /// Out of device memory, naming the array.
     pub fn upload(device: &vk::Device, scene: &Scene, geometry: &Geometry) -> Result<Self, vk::Error> {
-        let mut gpu = Self { buffers: Vec::new(), lights: None, data: SceneData::default() };
+        let mut gpu = Self {
+            buffers: Vec::new(),
+            lights: None,
+            light_choices: None,
+            emitters: Vec::new(),
+            environment_power: 0.0,
+            data: SceneData::default(),
+        };
         gpu.data.instances = gpu.array(device, "scene.instances", &instances(geometry))?;
         gpu.data.triangles = gpu.array(device, "scene.triangles", &triangles(scene, geometry))?;
         gpu.data.positions = gpu.array(device, "scene.positions", &geometry.positions)?;
@@ -42,6 +49,7 @@ impl GpuScene {
         gpu.data.uv0 = gpu.array(device, "scene.uv0", &attributes.uv0)?;
         gpu.data.uv1 = gpu.array(device, "scene.uv1", &attributes.uv1)?;
         gpu.data.colors = gpu.array(device, "scene.colors", &attributes.colors)?;
+        gpu.data.tangents = gpu.array(device, "scene.tangents", &tangents(scene, geometry))?;
         let (materials, textures) = gpu.materials(device, scene)?;
         gpu.data.materials = gpu.array(device, "scene.materials", &materials)?;
         gpu.data.textures = gpu.array(device, "scene.textures", &textures)?;
@@ -50,8 +58,26 @@ impl GpuScene {
         let (low, high) = scene.bounds().unwrap_or_default();
         gpu.data.scene_center = ((low + high) * 0.5).to_array();
         gpu.data.scene_radius = 0.5 * low.distance(high);
+        let weights = emitter::weights(scene, geometry);
+        gpu.data.emission_weights = gpu.array(device, "scene.emission_weights", &weights)?;
+        gpu.emitters = emitter::emitters(geometry, &weights);
+        if let Some(environment) = &scene.environment {
+            gpu.environment(device, environment)?;
+        }
         gpu.set_lights(device, &scene.lights)?;
         Ok(gpu)
+    }
+
+    fn environment(&mut self, device: &vk::Device, environment: &Environment) -> Result<(), vk::Error> {
+        self.data.environment = self.array(device, "environment", &environment.texels)?;
+        self.data.environment_size = [environment.width, environment.height];
+        if let Some(table) = EnvironmentTable::of(environment) {
+            self.data.environment_rows = self.array(device, "environment.rows", &table.rows)?;
+            self.data.environment_columns = self.array(device, "environment.columns", &table.columns)?;
+            // What falls on the disc through the bounding sphere, from all around.
+            self.environment_power = table.flux * f64::from(PI * self.data.scene_radius.powi(2));
+        }
+        Ok(())
     }
 
     /// Replaces the lights and nothing else.
@@ -67,13 +93,29 @@ impl GpuScene {
         self.data.light_count = records.len() as u32;
         self.data.lights = buffer.as_ref().map_or(0, vk::Buffer::address);
         self.lights = buffer;
+
+        let mut powers: Vec<_> = records.iter().map(|record| (0, 0, power(record))).collect();
+        powers.extend(self.emitters.iter().map(|e| (e.instance, e.primitive, e.power)));
+        if self.data.environment_rows != 0 {
+            // Positive also in a scene without extent.
+            powers.push((0, 0, self.environment_power.max(f64::MIN_POSITIVE)));
+        }
+        let (choices, inverse_power) = emitter::choices(&powers);
+        let buffer = match &choices[..] {
+            [] => None,
+            choices => Some(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?),
+        };
+        self.data.light_choice_count = choices.len() as u32;
+        self.data.light_choices = buffer.as_ref().map_or(0, vk::Buffer::address);
+        self.data.inverse_power = inverse_power;
+        self.light_choices = buffer;
         Ok(())
     }
 
     /// Bytes on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.buffers.iter().chain(&self.lights).map(vk::Buffer::size).sum()
+        self.buffers.iter().chain(&self.lights).chain(&self.light_choices).map(vk::Buffer::size).sum()
     }
 
     /// The address of a new buffer with these elements; 0 where there are none.
@@ -101,16 +143,17 @@ impl GpuScene {
         let mut textures = Vec::new();
         let mut materials = Vec::new();
         for material in &scene.materials {
-            let mut base_color_texture = NO_TEXTURE;
-            if let Some(texture) = &material.base_color_texture {
+            let mut record = without_textures();
+            for (usage, texture) in material.textures() {
                 let image = &scene.images[texture.image as usize];
                 let address = match texels[texture.image as usize] {
                     Some(address) => address,
                     None => self.array(device, &format!("image {}", image.name), &image.texels)?,
                 };
                 texels[texture.image as usize] = Some(address);
-                base_color_texture = textures.len() as u32;
-                textures.push(texture_record(texture, address, [image.width, image.height]));
+                *texture_slot(&mut record, usage) = textures.len() as u32;
+                let srgb = if usage.is_srgb() { TEXTURE_SRGB } else { 0 };
+                textures.push(texture_record(&texture, address, [image.width, image.height], srgb));
             }
             let mut flags = 0;
             let mut alpha_cutoff = 0.0;
@@ -124,6 +167,11 @@ impl GpuScene {
                 flags |= MATERIAL_ALPHA_MASK;
                 alpha_cutoff = cutoff;
             }
+            if material.alpha_mode == AlphaMode::Blend {
+                flags |= MATERIAL_ALPHA_BLEND;
+            }
+            let coat = material.clearcoat.unwrap_or_default();
+            let scale = |map: Option<NormalMap>| map.map_or(1.0, |map| map.scale);
             let mut absorption = Vec3::ZERO;
             if let Some(volume) = material.volume {
                 flags |= MATERIAL_SOLID;
@@ -144,10 +192,45 @@ impl GpuScene {
                 transmission: material.transmission,
                 alpha_cutoff,
                 flags,
-                base_color_texture,
+                clearcoat: coat.factor,
+                clearcoat_roughness: coat.roughness,
+                normal_scale: scale(material.normal_map),
+                clearcoat_normal_scale: scale(coat.normal_map),
+                ..record
             });
         }
         Ok((materials, textures))
+    }
+}
+
+fn without_textures() -> shaders::Material {
+    shaders::Material {
+        base_color_texture: NO_TEXTURE,
+        metallic_roughness_texture: NO_TEXTURE,
+        normal_texture: NO_TEXTURE,
+        emission_texture: NO_TEXTURE,
+        transmission_texture: NO_TEXTURE,
+        specular_texture: NO_TEXTURE,
+        specular_color_texture: NO_TEXTURE,
+        clearcoat_texture: NO_TEXTURE,
+        clearcoat_roughness_texture: NO_TEXTURE,
+        clearcoat_normal_texture: NO_TEXTURE,
+        ..shaders::Material::default()
+    }
+}
+
+fn texture_slot(record: &mut shaders::Material, usage: TextureUse) -> &mut u32 {
+    match usage {
+        TextureUse::BaseColor => &mut record.base_color_texture,
+        TextureUse::MetallicRoughness => &mut record.metallic_roughness_texture,
+        TextureUse::Normal => &mut record.normal_texture,
+        TextureUse::Emission => &mut record.emission_texture,
+        TextureUse::Transmission => &mut record.transmission_texture,
+        TextureUse::Specular => &mut record.specular_texture,
+        TextureUse::SpecularColor => &mut record.specular_color_texture,
+        TextureUse::Clearcoat => &mut record.clearcoat_texture,
+        TextureUse::ClearcoatRoughness => &mut record.clearcoat_roughness_texture,
+        TextureUse::ClearcoatNormal => &mut record.clearcoat_normal_texture,
     }
 }
 
@@ -231,21 +314,40 @@ impl Attributes {
     }
 }
 
+/// Three a triangle, in the world for merged meshes; empty where no mesh has any.
+fn tangents(scene: &Scene, geometry: &Geometry) -> Vec<[Vec4; 3]> {
+    if scene.meshes.iter().all(|mesh| mesh.tangents.is_empty()) {
+        return Vec::new();
+    }
+    let merged = geometry.meshes.first().map_or(0, |range| range.triangle_count as usize);
+    let corners = geometry.source.iter().enumerate().map(|(index, source)| {
+        let corners = scene.meshes[source.mesh as usize].tangents.get(source.triangle as usize);
+        let corners = corners.copied().unwrap_or([Vec4::ZERO; 3]);
+        if index >= merged {
+            return corners;
+        }
+        let m = scene.instances[source.instance as usize].transform.matrix3;
+        // A mirror turns the bitangent round against the cross product that it is made by.
+        corners.map(|t| (Mat3::from(m) * t.truncate()).normalize_or_zero().extend(orientation(m) * t.w))
+    });
+    corners.collect()
+}
+
 /// Carries normals under any scaling, mirrored transforms included.
 fn cofactor(m: Mat3) -> Mat3 {
     let sign = orientation(m.into());
     sign * Mat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
-fn texture_record(texture: &TextureRef, texels: u64, size: [u32; 2]) -> shaders::Texture {
+fn texture_record(texture: &TextureRef, texels: u64, size: [u32; 2], flags: u32) -> shaders::Texture {
     let wrap = |mode| match mode {
         Wrap::Repeat => 0,
-        Wrap::MirroredRepeat => 1,
-        Wrap::ClampToEdge => 2,
+        Wrap::MirroredRepeat => TEXTURE_WRAP_MIRROR,
+        Wrap::ClampToEdge => TEXTURE_WRAP_CLAMP,
     };
     let sampler = texture.sampler;
     let mut flags =
-        wrap(sampler.wrap_u) << TEXTURE_WRAP_U_SHIFT | wrap(sampler.wrap_v) << TEXTURE_WRAP_V_SHIFT;
+        flags | wrap(sampler.wrap_u) << TEXTURE_WRAP_U_SHIFT | wrap(sampler.wrap_v) << TEXTURE_WRAP_V_SHIFT;
     if sampler.filter == Filter::Nearest {
         flags |= TEXTURE_NEAREST;
     }
@@ -264,6 +366,11 @@ fn texture_record(texture: &TextureRef, texels: u64, size: [u32; 2]) -> shaders:
     }
 }
 
+/// W, all channels.
+fn power(light: &shaders::Light) -> f64 {
+    light.flux.iter().map(|&f| f64::from(f)).sum()
+}
+
 /// Lights with their flux and the distribution they are chosen by: in proportion to power. Lights that give
 /// none are left out. What a directional light emits is what falls on the disc of `radius` (m).
 fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
@@ -271,13 +378,13 @@ fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
     let mut records: Vec<_> = shining
         .map(|light| {
             let (kind, inner, outer, extent) = match light.kind {
-                LightKind::Point => (0, 0.0, PI, 4.0 * PI),
+                LightKind::Point => (LIGHT_POINT, 0.0, PI, 4.0 * PI),
                 // The fall-off is the square of a linear function of cosθ between the cones.
                 LightKind::Spot { inner, outer } => {
                     let (i, o) = (inner.cos(), outer.cos());
-                    (1, inner, outer, 2.0 * PI * ((1.0 - i) + (i - o) / 3.0))
+                    (LIGHT_SPOT, inner, outer, 2.0 * PI * ((1.0 - i) + (i - o) / 3.0))
                 }
-                LightKind::Directional => (2, 0.0, PI, PI * radius * radius),
+                LightKind::Directional => (LIGHT_DIRECTIONAL, 0.0, PI, PI * radius * radius),
             };
             shaders::Light {
                 position: light.position.to_array(),
@@ -292,7 +399,6 @@ fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
             }
         })
         .collect();
-    let power = |light: &shaders::Light| light.flux.iter().map(|&f| f64::from(f)).sum::<f64>();
     let total: f64 = records.iter().map(power).sum();
     let mut sum = 0.0;
     for record in &mut records {

@@ -94,11 +94,13 @@ fn drop_zero_area(mesh: &mut Mesh) -> usize {
     mesh.triangles.retain(|_| kept.next() == Some(&true));
     let mut kept = keep.iter();
     mesh.materials.retain(|_| kept.next() == Some(&true));
+    let mut kept = keep.iter();
+    mesh.tangents.retain(|_| kept.next() == Some(&true));
     before - mesh.triangles.len()
 }
 
-/// Gives every instance whose transform can't be inverted a mesh of its own in world space, without normals,
-/// which such a transform does not define.
+/// Gives every instance whose transform can't be inverted a mesh of its own in world space, without normals
+/// and tangents, which such a transform does not define.
 fn bake_flattening(scene: &mut Scene) -> Result<usize, String> {
     let mut dropped = 0;
     let mut vertices: usize = scene.meshes.iter().map(|mesh| mesh.positions.len()).sum();
@@ -111,6 +113,7 @@ fn bake_flattening(scene: &mut Scene) -> Result<usize, String> {
             *position = instance.transform.transform_point3(*position);
         }
         flat.normals = Vec::new();
+        flat.tangents = Vec::new();
         dropped += drop_zero_area(&mut flat);
         if flat.triangles.is_empty() {
             flat = Mesh::default();

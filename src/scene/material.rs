@@ -1,6 +1,8 @@
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 
-/// glTF metallic-roughness with the extensions named at each field. Colours are linear Rec. 709.
+/// glTF metallic-roughness with the extensions named at each field. Colours are linear Rec. 709. A texture multiplies
+/// the factor it stands behind; textures without mip levels are read at their full size. Occlusion textures have no
+/// place here: occlusion is computed.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// As in the file.
@@ -13,19 +15,33 @@ pub struct Material {
     pub metallic: f32,
     /// Perceptual roughness; GGX α is its square.
     pub roughness: f32,
+    /// Roughness in green and metalness in blue (linear texels).
+    pub metallic_roughness_texture: Option<TextureRef>,
+    /// Shading normals.
+    pub normal_map: Option<NormalMap>,
     /// Emitted radiance (W/(sr·m²)), `KHR_materials_emissive_strength` multiplied in.
     pub emission: Vec3,
+    /// Emission texture (sRGB texels).
+    pub emission_texture: Option<TextureRef>,
     /// Index of refraction (`KHR_materials_ior`), 1.5 by default, at least 1. The extension's special value 0
     /// (reflect everything) is loaded as 1e6, of which all formulas make a reflectance of 1.
     pub ior: f32,
     /// Share of the light entering a dielectric that passes on (`KHR_materials_transmission`).
     pub transmission: f32,
+    /// Transmission in red (linear texels).
+    pub transmission_texture: Option<TextureRef>,
     /// A solid body that refracts (`KHR_materials_volume` with thickness > 0); a thin wall otherwise.
     pub volume: Option<Volume>,
     /// Factor on the dielectric reflection (`KHR_materials_specular`).
     pub specular: f32,
+    /// That factor in alpha.
+    pub specular_texture: Option<TextureRef>,
     /// Colour of the dielectric reflection at normal incidence (`KHR_materials_specular`).
     pub specular_color: Vec3,
+    /// That colour (sRGB texels).
+    pub specular_color_texture: Option<TextureRef>,
+    /// A clear layer on top (`KHR_materials_clearcoat`).
+    pub clearcoat: Option<Clearcoat>,
     /// Base colour is emitted as is and nothing is reflected (`KHR_materials_unlit`).
     pub unlit: bool,
     /// Emission leaves both sides. Every surface blocks and scatters on both sides whatever this says.
@@ -42,12 +58,19 @@ impl Default for Material {
             base_color_texture: None,
             metallic: 1.0,
             roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_map: None,
             emission: Vec3::ZERO,
+            emission_texture: None,
             ior: 1.5,
             transmission: 0.0,
+            transmission_texture: None,
             volume: None,
             specular: 1.0,
+            specular_texture: None,
             specular_color: Vec3::ONE,
+            specular_color_texture: None,
+            clearcoat: None,
             unlit: false,
             double_sided: false,
             alpha_mode: AlphaMode::Opaque,
@@ -68,6 +91,79 @@ impl Material {
             ..Self::default()
         }
     }
+}
+
+/// A texture of a material and what it stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TextureUse {
+    BaseColor,
+    MetallicRoughness,
+    Normal,
+    Emission,
+    Transmission,
+    Specular,
+    SpecularColor,
+    Clearcoat,
+    ClearcoatRoughness,
+    ClearcoatNormal,
+}
+
+impl TextureUse {
+    /// Whether texels hold a colour, which is stored sRGB-encoded.
+    pub(crate) fn is_srgb(self) -> bool {
+        matches!(self, Self::BaseColor | Self::Emission | Self::SpecularColor)
+    }
+}
+
+impl Material {
+    /// Every texture there is.
+    pub(crate) fn textures(&self) -> impl Iterator<Item = (TextureUse, TextureRef)> {
+        let coat = self.clearcoat.as_ref();
+        [
+            (TextureUse::BaseColor, self.base_color_texture),
+            (TextureUse::MetallicRoughness, self.metallic_roughness_texture),
+            (TextureUse::Normal, self.normal_map.map(|map| map.texture)),
+            (TextureUse::Emission, self.emission_texture),
+            (TextureUse::Transmission, self.transmission_texture),
+            (TextureUse::Specular, self.specular_texture),
+            (TextureUse::SpecularColor, self.specular_color_texture),
+            (TextureUse::Clearcoat, coat.and_then(|coat| coat.texture)),
+            (TextureUse::ClearcoatRoughness, coat.and_then(|coat| coat.roughness_texture)),
+            (TextureUse::ClearcoatNormal, coat.and_then(|coat| coat.normal_map.map(|map| map.texture))),
+        ]
+        .into_iter()
+        .filter_map(|(usage, texture)| Some((usage, texture?)))
+    }
+
+    /// The texture that tangents follow: the normal map's, or else the clear coat's.
+    pub(crate) fn tangent_texture(&self) -> Option<TextureRef> {
+        let coat = self.clearcoat.as_ref().and_then(|coat| coat.normal_map);
+        self.normal_map.or(coat).map(|map| map.texture)
+    }
+}
+
+/// A tangent-space normal map (linear texels, green up), on meshes that have tangents.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// x, y, z in red, green, blue, from −1 to 1.
+    pub texture: TextureRef,
+    /// Factor on x and y.
+    pub scale: f32,
+}
+
+/// A clear dielectric layer of index 1.5 on top of all else (`KHR_materials_clearcoat`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clearcoat {
+    /// 0 none … 1 full.
+    pub factor: f32,
+    /// That factor in red (linear texels).
+    pub texture: Option<TextureRef>,
+    /// Perceptual roughness; GGX α is its square.
+    pub roughness: f32,
+    /// Roughness in green (linear texels).
+    pub roughness_texture: Option<TextureRef>,
+    /// Normals of the layer; without one they are the vertices', whatever the material's own map says.
+    pub normal_map: Option<NormalMap>,
 }
 
 /// The inside of a solid dielectric.
@@ -168,7 +264,7 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// 8-bit RGBA texels, row 0 at the top, sRGB-encoded colour and linear alpha.
+/// 8-bit RGBA texels, row 0 at the top; colours sRGB-encoded, all else linear, as each use of the image says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// URI or name.

@@ -19,6 +19,9 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Material of each triangle, as long as `triangles`.
     pub materials: Vec<u32>,
+    /// Tangents of each triangle's corners, as long as `triangles`, or empty: then normal maps change nothing. x, y, z
+    /// have unit length and w = ±1 is the sign of the bitangent, w · normal × tangent; a zero vector stands for none.
+    pub tangents: Vec<[Vec4; 3]>,
 }
 
 /// A mesh placed in the world.

@@ -4,11 +4,14 @@
 //! point light is 1 W/sr, 1 lux 1 W/m², 1 nit 1 W/(sr·m²), each per colour channel (linear Rec. 709).
 
 mod camera;
+mod emitter;
+mod environment;
 mod import;
 mod light;
 mod material;
 mod mesh;
 mod profile;
+mod tangent;
 mod validate;
 mod world;
 
@@ -18,8 +21,12 @@ pub mod gpu;
 pub mod obj;
 
 pub use camera::{Camera, View};
+pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 pub use light::{Light, LightKind};
-pub use material::{AlphaMode, Filter, Image, Material, Sampler, TextureRef, TextureTransform, Volume, Wrap};
+pub use material::{
+    AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, TextureRef, TextureTransform, Volume,
+    Wrap,
+};
 pub use mesh::{Instance, Mesh};
 pub use profile::SceneProfile;
 pub use validate::{MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
@@ -41,6 +48,8 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Light sources other than emissive surfaces.
     pub lights: Vec<Light>,
+    /// Light from infinitely far around.
+    pub environment: Option<Environment>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
     /// What the loader left out or assumed, one sentence each, to be shown once.

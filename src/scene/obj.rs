@@ -9,7 +9,7 @@
 //! | `Kd`, `map_Kd` | base colour (0.8 without `Kd`, 1 if there is a map) |
 //! | `Ks` | factor on the dielectric reflection, as in `KHR_materials_specular`; 0 without it |
 //! | `Ns` | roughness (2/(Ns + 2))^¼: a Phong lobe as wide as a microfacet one of α² = 2/(Ns + 2) (Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007, section 5), glTF's roughness being √α; 1 without it |
-//! | `Ke` | emitted radiance (W/(sr·m²)) |
+//! | `Ke`, `map_Ke` | emitted radiance (W/(sr·m²); without `Ke` 0, or 1 if there is a map) |
 //! | `d`, `Tr` | alpha (1 − `Tr`), blended if below 1 |
 //! | `illum` 3, 5 | a mirror of colour `Ks` if that is not black |
 //! | `illum` 4, 9 | thin clear glass, `illum` 6, 7: solid clear glass; `Ni` is the index of refraction |
@@ -342,11 +342,13 @@ impl<'a> Reader<'a> {
     fn add(&mut self, mtl: Option<Mtl>, path: &Path) -> Result<(), SceneError> {
         let Some(mtl) = mtl else { return Ok(()) };
         let mut material = mtl.material();
-        if let Some((line, map)) = mtl.map {
-            let texture = self
-                .texture(map)
-                .map_err(|problem| SceneError::new(path, format!("line {line}"), problem))?;
-            material.base_color_texture = Some(texture);
+        let maps =
+            [(mtl.map, &mut material.base_color_texture), (mtl.emission_map, &mut material.emission_texture)];
+        for (map, texture) in maps {
+            if let Some((line, map)) = map {
+                let located = |problem| SceneError::new(path, format!("line {line}"), problem);
+                *texture = Some(self.texture(map).map_err(located)?);
+            }
         }
         let element = format!("line {}", mtl.line);
         material.check().map_err(|problem| {
@@ -406,15 +408,16 @@ struct Mtl {
     line: usize,
     diffuse: Option<Vec3>,
     specular: Vec3,
-    emission: Vec3,
+    emission: Option<Vec3>,
     shininess: Option<f32>,
     alpha: Option<f32>,
     ior: Option<f32>,
     illumination: u32,
     map: Option<(usize, Map)>,
+    emission_map: Option<(usize, Map)>,
 }
 
-/// `map_Kd`.
+/// `map_Kd` or `map_Ke`.
 struct Map {
     file: String,
     /// All but the image.
@@ -429,7 +432,7 @@ impl Mtl {
         match keyword {
             "Kd" => self.diffuse = Some(color(words())?),
             "Ks" => self.specular = color(words())?,
-            "Ke" => self.emission = color(words())?,
+            "Ke" => self.emission = Some(color(words())?),
             "Ns" => self.shininess = Some(one()?),
             "Ni" => self.ior = Some(one()?),
             "d" => self.alpha = Some(number(words().find(|&word| word != "-halo").unwrap_or_default())?),
@@ -439,6 +442,7 @@ impl Mtl {
                     rest.parse().map_err(|_| format!("`{rest}` is not an illumination model"))?;
             }
             "map_Kd" => self.map = Some((line, map(rest)?)),
+            "map_Ke" => self.emission_map = Some((line, map(rest)?)),
             _ => return Ok(false),
         }
         if self.shininess.is_some_and(|ns| ns < 0.0) {
@@ -449,12 +453,14 @@ impl Mtl {
 
     fn material(&self) -> Material {
         let base = self.diffuse.unwrap_or(Vec3::splat(if self.map.is_some() { 1.0 } else { 0.8 }));
+        let emission =
+            self.emission.unwrap_or(Vec3::splat(if self.emission_map.is_some() { 1.0 } else { 0.0 }));
         let alpha = self.alpha.unwrap_or(1.0);
         let strongest = self.specular.max_element();
         let mut material = Material {
             base_color: base.extend(alpha),
             roughness: self.shininess.map_or(1.0, |ns| (2.0 / (ns + 2.0)).powf(0.25)),
-            emission: self.emission,
+            emission,
             specular: strongest,
             specular_color: if strongest > 0.0 { self.specular / strongest } else { Vec3::ONE },
             alpha_mode: if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },

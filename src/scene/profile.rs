@@ -1,3 +1,4 @@
+use super::material::TextureUse;
 use super::{AlphaMode, LightKind, Material, Scene};
 use glam::Vec3;
 
@@ -15,6 +16,20 @@ pub struct SceneProfile {
     pub materials: usize,
     /// Base colour textures.
     pub textures: bool,
+    /// Textures of roughness and metalness.
+    pub metallic_roughness_textures: bool,
+    /// Normal maps, the clear coat's among them.
+    pub normal_maps: bool,
+    /// Textures of the dielectric reflection's strength or colour.
+    pub specular_textures: bool,
+    /// Textures of transmission.
+    pub transmission_textures: bool,
+    /// Textures of emission.
+    pub emission_textures: bool,
+    /// Materials with a clear coat.
+    pub clearcoat: bool,
+    /// Textures of the clear coat's strength or roughness.
+    pub clearcoat_textures: bool,
     /// Textures that use the second coordinate set.
     pub uv1: bool,
     /// Vertex colours.
@@ -31,6 +46,8 @@ pub struct SceneProfile {
     pub volumes: bool,
     /// Materials with holes.
     pub alpha_mask: bool,
+    /// Materials whose alpha is partial coverage.
+    pub alpha_blend: bool,
     /// Materials that emit light.
     pub emission: bool,
     /// Materials that show their base colour as it is.
@@ -43,10 +60,13 @@ pub struct SceneProfile {
     pub spot_lights: usize,
     /// Directional lights.
     pub directional_lights: usize,
+    /// Light from infinitely far around.
+    pub environment: bool,
 }
 
 impl SceneProfile {
-    /// Reads the profile off a valid scene; specular lobes of at most `mirror_roughness` (0…1) are mirrors.
+    /// Reads the profile off a valid scene; specular lobes of at most `mirror_roughness` (0…1) are mirrors. A texture
+    /// of roughness may hold any value up to its factor, a texture of metalness likewise.
     #[must_use]
     pub fn of(scene: &Scene, mirror_roughness: f32) -> Self {
         let mut uses = vec![0_usize; scene.meshes.len()];
@@ -54,7 +74,11 @@ impl SceneProfile {
             uses[instance.mesh as usize] += 1;
         }
         let mut used = vec![false; scene.materials.len()];
-        let mut profile = Self { instances: scene.instances.len(), ..Self::default() };
+        let mut profile = Self {
+            instances: scene.instances.len(),
+            environment: scene.environment.is_some(),
+            ..Self::default()
+        };
         for (mesh, &uses) in scene.meshes.iter().zip(&uses).filter(|&(_, &uses)| uses > 0) {
             profile.triangles += uses * mesh.triangles.len();
             profile.vertices += mesh.positions.len();
@@ -82,23 +106,50 @@ impl SceneProfile {
 
     fn add(&mut self, material: &Material, mirror_roughness: f32) {
         self.materials += 1;
-        self.textures |= material.base_color_texture.is_some();
-        self.uv1 |= material.base_color_texture.is_some_and(|texture| texture.uv_set == 1);
+        for (usage, texture) in material.textures() {
+            // Unlit surfaces show their base colour only.
+            if material.unlit && usage != TextureUse::BaseColor {
+                continue;
+            }
+            self.uv1 |= texture.uv_set == 1;
+            *match usage {
+                TextureUse::BaseColor => &mut self.textures,
+                TextureUse::MetallicRoughness => &mut self.metallic_roughness_textures,
+                TextureUse::Normal | TextureUse::ClearcoatNormal => &mut self.normal_maps,
+                TextureUse::Emission => &mut self.emission_textures,
+                TextureUse::Transmission => &mut self.transmission_textures,
+                TextureUse::Specular | TextureUse::SpecularColor => &mut self.specular_textures,
+                TextureUse::Clearcoat | TextureUse::ClearcoatRoughness => &mut self.clearcoat_textures,
+            } = true;
+        }
         self.alpha_mask |= matches!(material.alpha_mode, AlphaMode::Mask { .. });
+        self.alpha_blend |= material.alpha_mode == AlphaMode::Blend;
         if material.unlit {
             self.unlit = true;
             return;
         }
+        self.clearcoat |= material.clearcoat.is_some_and(|coat| coat.factor > 0.0);
         self.emission |= material.emission != Vec3::ZERO;
         let dielectric =
             material.specular * material.specular_color.max_element() > 0.0 && material.ior > 1.0;
         let specular = material.metallic > 0.0 || dielectric;
         let smooth = material.roughness <= mirror_roughness;
         let glass = material.transmission > 0.0 && material.metallic < 1.0;
-        self.mirrors |= specular && smooth && !glass;
+        let textured = material.metallic_roughness_texture.is_some();
+        self.mirrors |= specular && (smooth || textured) && !glass;
         self.rough_lobes |= specular && !smooth;
         self.glass |= glass;
         self.volumes |= glass && material.volume.is_some();
+    }
+
+    fn any_textures(&self) -> bool {
+        self.textures
+            || self.metallic_roughness_textures
+            || self.normal_maps
+            || self.specular_textures
+            || self.transmission_textures
+            || self.emission_textures
+            || self.clearcoat_textures
     }
 
     /// One line for each thing that is left out of the pipeline, and why.
@@ -109,11 +160,32 @@ impl SceneProfile {
             (!self.mirrors && !self.glass, "no mirrors or glass: no specular bounces"),
             (self.mirrors && !self.glass, "no glass: no refraction"),
             (self.glass && !self.volumes, "no solid glass: panes are crossed straight, no absorption"),
-            (!self.textures, "no textures: no sampling, no texture coordinates"),
-            (self.textures && !self.uv1, "no texture uses the second coordinate set: it is not uploaded"),
+            (!self.textures, "no textures of base colour"),
+            (!self.any_textures(), "no textures: no sampling, no texture coordinates"),
+            (
+                !self.metallic_roughness_textures,
+                "no textures of roughness and metalness: one of each a material",
+            ),
+            (!self.normal_maps, "no normal maps: no tangents"),
+            (
+                !self.specular_textures,
+                "no textures of specular reflection: one strength and colour a material",
+            ),
+            (!self.transmission_textures, "no textures of transmission: one a material"),
+            (!self.emission_textures, "no textures of emission: one radiance a material"),
+            (!self.clearcoat, "no clear coats"),
+            (
+                self.clearcoat && !self.clearcoat_textures,
+                "no textures of clear coats: one strength and roughness a material",
+            ),
+            (
+                self.any_textures() && !self.uv1,
+                "no texture uses the second coordinate set: it is not uploaded",
+            ),
             (!self.vertex_colors, "no vertex colours: they are not read"),
             (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),
             (!self.smooth_normals, "no shading normals: triangles' own normals"),
+            (!self.alpha_blend, "no blended materials: every surface covers all behind it"),
             (!self.alpha_mask, "no alpha masks: every triangle is opaque to rays"),
             (!self.instanced, "every mesh is there once: no two-level traversal"),
             (!self.emission, "no emission: none is added to what the camera sees"),
@@ -121,6 +193,7 @@ impl SceneProfile {
             (self.point_lights == 0, "no point lights"),
             (self.spot_lights == 0, "no spot lights"),
             (self.directional_lights == 0, "no directional lights"),
+            (!self.environment, "no environment: rays that leave the scene find nothing"),
             (self.rough_lobes, "specular lobes rougher than a mirror: not modelled, their light is missing"),
         ];
         reasons.iter().filter(|(holds, _)| *holds).map(|(_, why)| (*why).to_owned()).collect()

@@ -63,10 +63,15 @@ impl Material {
         if let AlphaMode::Mask { cutoff } = self.alpha_mode {
             within("alpha cutoff", cutoff, 0.0, f32::INFINITY)?;
         }
-        if let Some(texture) = self.base_color_texture {
-            texture.check()?;
+        if let Some(coat) = self.clearcoat {
+            within("clearcoat factor", coat.factor, 0.0, 1.0)?;
+            within("clearcoat roughness", coat.roughness, 0.0, 1.0)?;
         }
-        Ok(())
+        let maps = [self.normal_map, self.clearcoat.and_then(|coat| coat.normal_map)];
+        if let Some(map) = maps.into_iter().flatten().find(|map| !map.scale.is_finite()) {
+            return Err(format!("scale of a normal map is {}, expected a finite number", map.scale));
+        }
+        self.textures().try_for_each(|(_, texture)| texture.check())
     }
 }
 
@@ -178,6 +183,18 @@ impl Mesh {
         if self.materials.len() != self.triangles.len() {
             return Err(format!("{} materials for {} triangles", self.materials.len(), self.triangles.len()));
         }
+        if !self.tangents.is_empty() && self.tangents.len() != self.triangles.len() {
+            return Err(format!("tangents of {} of {} triangles", self.tangents.len(), self.triangles.len()));
+        }
+        let tangent = |t: Vec4| {
+            t == Vec4::ZERO || t.w.abs() == 1.0 && (t.truncate().length_squared() - 1.0).abs() < 1e-2
+        };
+        if let Some(i) = self.tangents.iter().position(|corners| !corners.iter().all(|&t| tangent(t))) {
+            return Err(format!(
+                "tangents of triangle {i} are not unit vectors with a sign: {:?}",
+                self.tangents[i]
+            ));
+        }
         if let Some(i) = self.materials.iter().position(|&m| m as usize >= materials) {
             return Err(format!(
                 "triangle {i} is of material {}, but there are {materials}",
@@ -216,18 +233,19 @@ impl Scene {
             mesh.check(self.materials.len()).map_err(|problem| fail(format!("meshes[{i}]"), problem))?;
         }
         for (i, material) in self.materials.iter().enumerate() {
-            let image = material.base_color_texture.map(|texture| texture.image);
-            let known = image.is_none_or(|image| (image as usize) < self.images.len());
-            material
-                .check()
-                .and(known.then_some(()).ok_or_else(|| format!("its image {image:?} is not there")))
-                .map_err(|problem| fail(format!("materials[{i}]"), problem))?;
+            let unknown =
+                material.textures().map(|(_, t)| t.image).find(|&image| image as usize >= self.images.len());
+            let known = unknown.map_or(Ok(()), |image| Err(format!("its image {image} is not there")));
+            material.check().and(known).map_err(|problem| fail(format!("materials[{i}]"), problem))?;
         }
         for (i, image) in self.images.iter().enumerate() {
             image.check().map_err(|problem| fail(format!("images[{i}]"), problem))?;
         }
         for (i, light) in self.lights.iter().enumerate() {
             light.check().map_err(|problem| fail(format!("lights[{i}]"), problem))?;
+        }
+        if let Some(environment) = &self.environment {
+            environment.check().map_err(|problem| fail("environment".into(), problem))?;
         }
         for (i, camera) in self.cameras.iter().enumerate() {
             camera.check().map_err(|problem| fail(format!("cameras[{i}]"), problem))?;

@@ -34,6 +34,16 @@ impl Kernels {
             volumes: profile.volumes,
             spot_lights: profile.spot_lights > 0,
             directional_lights: profile.directional_lights > 0,
+            metallic_roughness_textures: profile.metallic_roughness_textures,
+            normal_maps: profile.normal_maps,
+            specular_textures: profile.specular_textures,
+            transmission_textures: profile.transmission_textures,
+            emission_textures: profile.emission_textures,
+            clearcoat: profile.clearcoat,
+            clearcoat_textures: profile.clearcoat_textures,
+            alpha_blend: profile.alpha_blend,
+            emissive_triangles: profile.emission,
+            environment: profile.environment,
             stack_depth,
         };
         Self { profile: profile.clone(), scene }

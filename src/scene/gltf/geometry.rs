@@ -36,6 +36,10 @@ fn allowed(semantic: &Semantic, e: &Elements<'_>, quantized: bool) -> bool {
             e.shape == Type::Vec3
                 && (e.component == F32 || quantized && e.normalized && matches!(e.component, I8 | I16))
         }
+        Semantic::Tangents => {
+            e.shape == Type::Vec4
+                && (e.component == F32 || quantized && e.normalized && matches!(e.component, I8 | I16))
+        }
         Semantic::TexCoords(_) => {
             let core = e.component == F32 || e.normalized && matches!(e.component, U8 | U16);
             e.shape == Type::Vec2 && (core || quantized && small)
@@ -111,10 +115,41 @@ impl Context<'_> {
             let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
             let base = mesh.positions.len() as u32;
             self.append(&mut mesh, primitive, &element, weights, &used)?;
+            if let Some(tangents) = self.tangents(primitive, &element, &used)? {
+                mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
+                mesh.tangents.extend(triangles.iter().map(|t| t.map(|v| tangents[v as usize])));
+            }
             mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + base)));
             mesh.materials.resize(mesh.triangles.len(), material);
         }
+        if !mesh.tangents.is_empty() {
+            mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
+        }
         Ok(mesh)
+    }
+
+    /// Tangents of the `used` vertices, before any morph, where the material needs them. The standard wants them
+    /// ignored where there are no normals.
+    fn tangents(
+        &self,
+        primitive: &Primitive,
+        element: &str,
+        used: &[u32],
+    ) -> Result<Option<Vec<Vec4>>, SceneError> {
+        let mapped = primitive.material.is_some_and(|material| self.is_normal_mapped(material.value()));
+        let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(None) };
+        let found = self.attribute(primitive, element, Semantic::Tangents)?;
+        let normals = primitive.attributes.contains_key(&Checked::Valid(Semantic::Normals));
+        let Some(tangents) = found.filter(|_| mapped && normals) else { return Ok(None) };
+        let values = tangents.floats::<4>(first as usize..last as usize + 1)?;
+        let tangent = |&v: &u32| {
+            let [x, y, z, w] = values[(v - first) as usize];
+            match unit_normal(Vec3::new(x, y, z)) {
+                Vec3::ZERO => Vec4::ZERO,
+                unit => unit.extend(1.0_f32.copysign(w)),
+            }
+        };
+        Ok(Some(used.iter().map(tangent).collect()))
     }
 
     /// Elements of an attribute, checked for type.

@@ -1,46 +1,83 @@
-//! Materials, textures and images.
-//!
-//! The renderer's only texture is the base colour's. Textures of other factors are replaced by their mean, so that
-//! the surface has the right amount of each on the whole; normal and occlusion maps are left out.
+//! Materials, textures and images. Occlusion textures are left out: occlusion is computed.
 
 use super::{Context, container};
-use crate::scene::import::{decode_image, srgb_to_linear};
+use crate::scene::import::decode_image;
 use crate::scene::validate::MAX_TEXELS;
 use crate::scene::{
-    AlphaMode, Filter, Image, Material, Sampler, SceneError, TextureRef, TextureTransform, Volume, Wrap,
+    AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
+    TextureTransform, Volume, Wrap,
 };
 use ::gltf::json;
+use ::gltf::json::extensions::texture::TextureTransform as Transform;
+use ::gltf::json::material::NormalTexture;
 use ::gltf::json::texture::{Info, MagFilter, MinFilter, WrappingMode};
 use ::gltf::json::validation::Checked;
 use glam::{Vec2, Vec3, Vec4};
+use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Large, finite, and of reflectance 1: what `KHR_materials_ior` wants of its special value 0.
 const INFINITE_IOR: f32 = 1e6;
 
-/// How the texels of a texture that is averaged are encoded.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Encoding {
-    Linear,
-    Srgb,
+/// `KHR_materials_clearcoat`, which the `gltf` crate does not type.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct ClearcoatExtension {
+    clearcoat_factor: f32,
+    clearcoat_texture: Option<Info>,
+    clearcoat_roughness_factor: f32,
+    clearcoat_roughness_texture: Option<Info>,
+    clearcoat_normal_texture: Option<NormalTexture>,
+}
+
+fn clearcoat(source: &json::Material) -> Result<Option<ClearcoatExtension>, String> {
+    let others = source.extensions.as_ref().map(|extensions| &extensions.others);
+    let Some(value) = others.and_then(|others| others.get("KHR_materials_clearcoat")) else {
+        return Ok(None);
+    };
+    ClearcoatExtension::deserialize(value)
+        .map(Some)
+        .map_err(|error| format!("extensions.KHR_materials_clearcoat: {error}"))
+}
+
+/// What a material says of a texture.
+struct Use<'a> {
+    index: usize,
+    set: u32,
+    transform: Option<Cow<'a, Transform>>,
+}
+
+impl<'a> From<&'a Info> for Use<'a> {
+    fn from(info: &'a Info) -> Self {
+        let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.as_ref());
+        Self { index: info.index.value(), set: info.tex_coord, transform: transform.map(Cow::Borrowed) }
+    }
+}
+
+impl Use<'_> {
+    /// The crate does not type a normal map's transform.
+    fn of_normal_map(map: &NormalTexture) -> Result<Self, String> {
+        let others = map.extensions.as_ref().map(|extensions| &extensions.others);
+        let transform = others
+            .and_then(|others| others.get("KHR_texture_transform"))
+            .map(|value| Transform::deserialize(value).map(Cow::Owned))
+            .transpose()
+            .map_err(|error| format!("KHR_texture_transform of a normal map: {error}"))?;
+        Ok(Self { index: map.index.value(), set: map.tex_coord, transform })
+    }
 }
 
 /// Images read so far.
 pub(super) struct Textures {
-    /// Base colour images, for the scene.
+    /// For the scene.
     pub(super) images: Vec<Image>,
     /// For each of the file's images the first that names the same bytes.
     origin: Vec<usize>,
     /// Index into `images` by origin.
     stored: HashMap<usize, u32>,
-    means: HashMap<(usize, Encoding), Vec4>,
     texels: usize,
-    /// Some texture was replaced by its mean.
-    pub(super) averaged: bool,
-    /// Some normal or occlusion map was left out.
-    pub(super) left_out: bool,
-    /// Base colour textures left out for their coordinate set.
+    /// Textures left out for their coordinate set.
     pub(super) far_sets: usize,
 }
 
@@ -55,10 +92,7 @@ impl Textures {
             images: Vec::new(),
             origin: places.enumerate().map(|(i, place)| *first.entry(place).or_insert(i)).collect(),
             stored: HashMap::new(),
-            means: HashMap::new(),
             texels: 0,
-            averaged: false,
-            left_out: false,
             far_sets: 0,
         }
     }
@@ -79,45 +113,77 @@ impl Context<'_> {
         material: &mut Material,
         all: &mut Textures,
     ) -> Result<(), SceneError> {
-        let source = &self.root.materials[index];
-        let pbr = &source.pbr_metallic_roughness;
-        let extensions = source.extensions.as_ref();
-        let element = format!("materials[{index}]");
-        if let Some(info) = &pbr.base_color_texture {
-            let reference = self.texture_ref(info, all)?;
-            if reference.uv_set > 1 {
-                all.far_sets += 1;
-            } else {
-                material.base_color_texture = Some(reference);
-            }
-        }
-        if let Some(info) = &pbr.metallic_roughness_texture {
-            let mean = self.mean(info, Encoding::Linear, all)?;
-            material.roughness *= mean.y;
-            material.metallic *= mean.z;
-        }
-        if let Some(info) = source.emissive_texture.as_ref().filter(|_| material.emission != Vec3::ZERO) {
-            material.emission *= self.mean(info, Encoding::Srgb, all)?.truncate();
-        }
-        if let Some(info) = extensions.and_then(|e| e.transmission.as_ref()?.transmission_texture.as_ref()) {
-            material.transmission *= self.mean(info, Encoding::Linear, all)?.x;
-        }
-        if let Some(specular) = extensions.and_then(|e| e.specular.as_ref()) {
-            if let Some(info) = &specular.specular_texture {
-                material.specular *= self.mean(info, Encoding::Linear, all)?.w;
-            }
-            if let Some(info) = &specular.specular_color_texture {
-                material.specular_color *= self.mean(info, Encoding::Srgb, all)?.truncate();
-            }
-        }
-        all.left_out |= source.normal_texture.is_some() || source.occlusion_texture.is_some();
-        material.check().map_err(|problem| self.error(element, problem))
+        self.textures(index, material, all)?;
+        material.check().map_err(|problem| self.error(format!("materials[{index}]"), problem))
     }
 
-    fn texture_ref(&self, info: &Info, all: &mut Textures) -> Result<TextureRef, SceneError> {
-        let texture = &self.root.textures[info.index.value()];
-        let source = self.origin(info, all)?;
-        let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.as_ref());
+    fn textures(&self, index: usize, material: &mut Material, all: &mut Textures) -> Result<(), SceneError> {
+        let source = &self.root.materials[index];
+        let pbr = &source.pbr_metallic_roughness;
+        let located = |problem| self.error(format!("materials[{index}]"), problem);
+        let mut texture =
+            |info: Option<&Info>| self.texture_ref(index, info.map(|info| Ok(info.into())), all);
+        material.base_color_texture = texture(pbr.base_color_texture.as_ref())?;
+        material.metallic_roughness_texture = texture(pbr.metallic_roughness_texture.as_ref())?;
+        if material.emission != Vec3::ZERO {
+            material.emission_texture = texture(source.emissive_texture.as_ref())?;
+        }
+        if let Some(extensions) = &source.extensions {
+            if let Some(transmission) = &extensions.transmission {
+                material.transmission_texture = texture(transmission.transmission_texture.as_ref())?;
+            }
+            if let Some(specular) = &extensions.specular {
+                material.specular_texture = texture(specular.specular_texture.as_ref())?;
+                material.specular_color_texture = texture(specular.specular_color_texture.as_ref())?;
+            }
+        }
+        let extension = clearcoat(source).map_err(located)?;
+        if let (Some(coat), Some(extension)) = (&mut material.clearcoat, &extension) {
+            coat.texture = texture(extension.clearcoat_texture.as_ref())?;
+            coat.roughness_texture = texture(extension.clearcoat_roughness_texture.as_ref())?;
+            coat.normal_map = self.normal_map(index, extension.clearcoat_normal_texture.as_ref(), all)?;
+        }
+        material.normal_map = self.normal_map(index, source.normal_texture.as_ref(), all)?;
+        Ok(())
+    }
+
+    /// Whether material `index` needs tangents.
+    pub(super) fn is_normal_mapped(&self, index: usize) -> bool {
+        let source = &self.root.materials[index];
+        let coat = clearcoat(source).ok().flatten();
+        source.normal_texture.is_some() || coat.is_some_and(|coat| coat.clearcoat_normal_texture.is_some())
+    }
+
+    fn normal_map(
+        &self,
+        material: usize,
+        map: Option<&NormalTexture>,
+        all: &mut Textures,
+    ) -> Result<Option<NormalMap>, SceneError> {
+        let texture = self.texture_ref(material, map.map(Use::of_normal_map), all)?;
+        Ok(texture.zip(map).map(|(texture, map)| NormalMap { texture, scale: map.scale }))
+    }
+
+    /// `None` too where the coordinate set is none that is read.
+    fn texture_ref(
+        &self,
+        material: usize,
+        usage: Option<Result<Use<'_>, String>>,
+        all: &mut Textures,
+    ) -> Result<Option<TextureRef>, SceneError> {
+        let located = |problem| self.error(format!("materials[{material}]"), problem);
+        let Some(usage) = usage.transpose().map_err(located)? else { return Ok(None) };
+        // The crate has not seen what is inside the extensions it does not type.
+        let Some(texture) = self.root.textures.get(usage.index) else {
+            return Err(located(format!("textures[{}] is not there: index out of range", usage.index)));
+        };
+        let transform = usage.transform.as_deref();
+        let uv_set = transform.and_then(|t| t.tex_coord).unwrap_or(usage.set);
+        if uv_set > 1 {
+            all.far_sets += 1;
+            return Ok(None);
+        }
+        let source = self.origin(usage.index, all)?;
         let image = match all.stored.get(&source) {
             Some(&image) => image,
             None => {
@@ -128,9 +194,9 @@ impl Context<'_> {
                 slot
             }
         };
-        Ok(TextureRef {
+        Ok(Some(TextureRef {
             image,
-            uv_set: transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord),
+            uv_set,
             sampler: texture
                 .sampler
                 .map_or_else(Sampler::default, |s| sampler(&self.root.samplers[s.value()])),
@@ -139,33 +205,11 @@ impl Context<'_> {
                 rotation: t.rotation.0,
                 scale: Vec2::from(t.scale.0),
             }),
-        })
-    }
-
-    /// Mean texel, its colour decoded to linear.
-    fn mean(&self, info: &Info, encoding: Encoding, all: &mut Textures) -> Result<Vec4, SceneError> {
-        all.averaged = true;
-        let source = self.origin(info, all)?;
-        if let Some(&mean) = all.means.get(&(source, encoding)) {
-            return Ok(mean);
-        }
-        let decode: [f32; 256] = std::array::from_fn(|i| {
-            let value = i as f32 / 255.0;
-            if encoding == Encoding::Srgb { srgb_to_linear(value) } else { value }
-        });
-        let image = self.image(source, all)?;
-        let sum = image.texels.iter().fold(glam::DVec4::ZERO, |sum, &[r, g, b, a]| {
-            let [r, g, b] = [r, g, b].map(|c| decode[c as usize]);
-            sum + Vec4::new(r, g, b, f32::from(a) / 255.0).as_dvec4()
-        });
-        let mean = (sum / image.texels.len() as f64).as_vec4();
-        all.means.insert((source, encoding), mean);
-        Ok(mean)
+        }))
     }
 
     /// The image that a texture shows; its extensions may name others, in formats not read here.
-    fn origin(&self, info: &Info, all: &Textures) -> Result<usize, SceneError> {
-        let texture = info.index.value();
+    fn origin(&self, texture: usize, all: &Textures) -> Result<usize, SceneError> {
         let image = all.origin.get(self.root.textures[texture].source.value()).copied();
         image.ok_or_else(|| self.error(format!("textures[{texture}]"), "its source is missing"))
     }
@@ -213,11 +257,15 @@ fn factors(source: &json::Material, index: usize) -> Result<Material, String> {
             attenuation_color: Vec3::from(v.attenuation_color.0),
         });
     }
+    let clearcoat = clearcoat(source)?.map(|coat| Clearcoat {
+        factor: coat.clearcoat_factor,
+        roughness: coat.clearcoat_roughness_factor,
+        ..Clearcoat::default()
+    });
     let cutoff = source.alpha_cutoff.map_or(0.5, |c| c.0);
     Ok(Material {
         name: source.name.clone().unwrap_or_else(|| format!("material {index}")),
         base_color: Vec4::from(pbr.base_color_factor.0),
-        base_color_texture: None,
         metallic: pbr.metallic_factor.0,
         roughness: pbr.roughness_factor.0,
         emission: Vec3::from(source.emissive_factor.0) * strength,
@@ -235,6 +283,8 @@ fn factors(source: &json::Material, index: usize) -> Result<Material, String> {
             Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
             _ => AlphaMode::Opaque,
         },
+        clearcoat,
+        ..Material::default()
     })
 }
 

@@ -23,6 +23,7 @@ use std::path::Path;
 /// Extensions a file may require.
 pub const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
@@ -359,27 +360,24 @@ impl Context<'_> {
             }
         }
         scene.images = textures.images;
-        if textures.averaged {
-            scene.notes.push("textures of metalness, roughness, emission, transmission and specular are replaced by their mean".into());
-        }
-        if textures.left_out {
-            scene.notes.push("normal and occlusion maps are left out".into());
-        }
         if textures.far_sets > 0 {
-            scene.notes.push(format!(
-                "{} base colour textures use coordinate sets above 1 and are left out",
-                textures.far_sets
-            ));
+            scene
+                .notes
+                .push(format!("{} textures use coordinate sets above 1 and are left out", textures.far_sets));
         }
         if scene.materials.iter().zip(&used).any(|(m, &used)| used && m.alpha_mode == AlphaMode::Blend) {
             scene.notes.push("blended materials are shown opaque".into());
         }
         let mut without = 0;
         for mesh in &mut scene.meshes {
+            mesh.generate_tangents(&scene.materials);
             let mut wanted = [false; 2];
+            let mut seen = u32::MAX;
             for &material in &mesh.materials {
-                if let Some(texture) = &scene.materials[material as usize].base_color_texture {
-                    wanted[texture.uv_set as usize] = true;
+                if std::mem::replace(&mut seen, material) != material {
+                    for (_, texture) in scene.materials[material as usize].textures() {
+                        wanted[texture.uv_set as usize] = true;
+                    }
                 }
             }
             for (wanted, uv) in wanted.into_iter().zip([&mut mesh.uv0, &mut mesh.uv1]) {

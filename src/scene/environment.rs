@@ -1,0 +1,138 @@
+use super::validate::{Checked, MAX_IMAGE_SIDE};
+use super::{SceneError, import};
+use exr::prelude::{ReadChannels, ReadLayers};
+use glam::{Vec2, Vec3};
+use std::f32::consts::{PI, TAU};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Most texels of an environment.
+pub const MAX_ENVIRONMENT_TEXELS: usize = 1 << 26;
+
+/// Light from infinitely far around the scene, in every direction.
+///
+/// An image is equirectangular in the world's axes (Y up): its centre is +X, +Z is at three quarters of its width, the
+/// top row is around +Y. Between texel centres it is bilinear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Environment {
+    /// The file, or `constant`.
+    pub name: String,
+    /// Texels in a row, all the way around.
+    pub width: u32,
+    /// Rows, from +Y to −Y.
+    pub height: u32,
+    /// Radiance (W/(sr·m²)), `width * height` texels, top row first.
+    pub texels: Vec<Vec3>,
+}
+
+impl Environment {
+    /// The same radiance (W/(sr·m²)) from everywhere.
+    #[must_use]
+    pub fn constant(radiance: Vec3) -> Self {
+        Self { name: "constant".into(), width: 1, height: 1, texels: vec![radiance] }
+    }
+
+    /// Loads `.exr` (channels R, G, B, or Y alone) or Radiance `.hdr`.
+    ///
+    /// # Errors
+    /// [`SceneError`] names the file and what is wrong: no such file or format, a missing channel, more texels than
+    /// [`MAX_ENVIRONMENT_TEXELS`], and the first one that is negative or not finite.
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let fail = |problem: String| SceneError::new(path, "environment", problem);
+        let bytes = import::read_file(path).map_err(fail)?;
+        let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        let (width, height, texels) = match extension.as_deref() {
+            Some("exr") => read_exr(&bytes),
+            Some("hdr") => read_hdr(&bytes),
+            _ => Err("is neither .exr nor .hdr".into()),
+        }
+        .map_err(fail)?;
+        let environment = Self { name: path.display().to_string(), width, height, texels };
+        environment.check().map_err(fail)?;
+        Ok(environment)
+    }
+
+    /// Radiance (W/(sr·m²)) from a unit direction.
+    #[must_use]
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        let polar = Vec2::new(direction.x, direction.z).length().atan2(direction.y);
+        let uv = Vec2::new(direction.z.atan2(direction.x) / TAU + 0.5, polar / PI);
+        let position = uv * Vec2::new(self.width as f32, self.height as f32) - 0.5;
+        let (corner, f) = (position.floor().as_ivec2(), position - position.floor());
+        let texel = |x: i32, y: i32| {
+            let row = y.clamp(0, self.height as i32 - 1) as usize;
+            self.texels[row * self.width as usize + x.rem_euclid(self.width as i32) as usize]
+        };
+        let row = |y| texel(corner.x, y).lerp(texel(corner.x + 1, y), f.x);
+        row(corner.y).lerp(row(corner.y + 1), f.y)
+    }
+
+    pub(super) fn check(&self) -> Checked {
+        check_size(self.width as usize, self.height as usize)?;
+        if self.texels.len() != self.width as usize * self.height as usize {
+            return Err(format!("{} texels for {}×{}", self.texels.len(), self.width, self.height));
+        }
+        let bad = |texel: &Vec3| !texel.is_finite() || texel.min_element() < 0.0;
+        match self.texels.iter().position(bad) {
+            Some(i) => {
+                let what = if self.texels[i].is_finite() { "negative" } else { "not finite" };
+                let (x, y) = (i % self.width as usize, i / self.width as usize);
+                Err(format!("texel ({x}, {y}) is {what}: {}", self.texels[i]))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn check_size(width: usize, height: usize) -> Checked {
+    let side = 1..=MAX_IMAGE_SIDE as usize;
+    if !side.contains(&width) || !side.contains(&height) || width * height > MAX_ENVIRONMENT_TEXELS {
+        return Err(format!(
+            "{width}×{height} texels, expected 1 to {MAX_IMAGE_SIDE} a side and at most {MAX_ENVIRONMENT_TEXELS} in all"
+        ));
+    }
+    Ok(())
+}
+
+type Texels = (u32, u32, Vec<Vec3>);
+
+fn read_hdr(bytes: &[u8]) -> Result<Texels, String> {
+    let corrupt = |error: image::ImageError| format!("can't be decoded: {error}");
+    let decoder = image::codecs::hdr::HdrDecoder::new(Cursor::new(bytes)).map_err(corrupt)?;
+    let (width, height) = image::ImageDecoder::dimensions(&decoder);
+    check_size(width as usize, height as usize)?;
+    let decoded = image::DynamicImage::from_decoder(decoder).map_err(corrupt)?.into_rgb32f();
+    let texels = decoded.pixels().map(|pixel| Vec3::from(pixel.0)).collect();
+    Ok((width, height, texels))
+}
+
+fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
+    let corrupt = |error: exr::error::Error| format!("can't be decoded: {error}");
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(corrupt)?;
+    for header in &meta.headers {
+        check_size(header.layer_size.width(), header.layer_size.height())?;
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(corrupt)?;
+    let layer = &image.layer_data;
+    let channel = |name: &str| layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
+    let channels = match [channel("R"), channel("G"), channel("B")] {
+        [Some(r), Some(g), Some(b)] => [r, g, b],
+        _ => match channel("Y") {
+            Some(y) => [y; 3],
+            None => return Err("has neither channels R, G and B nor Y".into()),
+        },
+    };
+    let [mut r, mut g, mut b] = channels.map(|channel| channel.sample_data.values_as_f32());
+    let mut texels = Vec::with_capacity(layer.size.area());
+    while let (Some(r), Some(g), Some(b)) = (r.next(), g.next(), b.next()) {
+        texels.push(Vec3::new(r, g, b));
+    }
+    Ok((layer.size.width() as u32, layer.size.height() as u32, texels))
+}
