@@ -26,41 +26,71 @@ bool is_mirror(Material material) {
     return any && material.roughness <= scene.mirror_roughness && (material.flags & MATERIAL_UNLIT) == 0u;
 }
 
-// What an opaque surface mirrors: Schlick's approximation as glTF 2.0 appendix B and KHR_materials_specular say.
-vec3 schlick(Material material, float cos_i) {
-    float r = (material.ior - 1.0) / (material.ior + 1.0);
-    vec3 f0 = min(r * r * material.specular_color, vec3(1.0)) * material.specular;
-    // No boundary, no reflection: also not at grazing angles, where the published formula has one.
-    float f90 = mix(f0 == vec3(0.0) ? 0.0 : material.specular, 1.0, material.metallic);
+float schlick_weight(float cos_i) {
     float c = clamp(1.0 - cos_i, 0.0, 1.0);
-    float c5 = c * c * c * c * c;
-    f0 = mix(f0, material.base_color, material.metallic);
-    return f0 + (vec3(f90) - f0) * c5;
+    return c * c * c * c * c;
 }
 
-// Shares of the light that are mirrored and transmitted by a smooth surface; the rest is the diffuse part's.
+// Reflectance of an opaque dielectric at normal incidence (KHR_materials_specular).
+vec3 dielectric_f0(Material material) {
+    float r = (material.ior - 1.0) / (material.ior + 1.0);
+    return min(r * r * material.specular_color, vec3(1.0)) * material.specular;
+}
+
+// No boundary, no reflection: also not at grazing angles, where the published formula has one.
+float dielectric_f90(Material material, vec3 f0) { return f0 == vec3(0.0) ? 0.0 : material.specular; }
+
+// What an opaque surface mirrors: Schlick's approximation as glTF 2.0 appendix B and KHR_materials_specular say.
+vec3 schlick(Material material, float cos_i) {
+    vec3 f0 = dielectric_f0(material);
+    float f90 = mix(dielectric_f90(material, f0), 1.0, material.metallic);
+    f0 = mix(f0, material.base_color, material.metallic);
+    return f0 + (vec3(f90) - f0) * schlick_weight(cos_i);
+}
+
+float max_component(vec3 v) { return max(v.x, max(v.y, v.z)); }
+
+// What the diffuse part is left with.
+float dielectric_base(Material material, float cos_i) {
+    vec3 f0 = dielectric_f0(material);
+    return 1.0 - max_component(f0 + (vec3(dielectric_f90(material, f0)) - f0) * schlick_weight(cos_i));
+}
+
+// Shares of the light that are mirrored and transmitted by a smooth surface, or a facet of a rough one, and the factor
+// on the diffuse part beneath.
 struct Split {
     vec3 reflected;
     vec3 transmitted;
+    float base;
 };
 
 // `front` is the side light comes from: behind the front of a solid, eta turns round.
-Split split_light(Material material, float cos_i, bool front) {
-    bool mirrors = is_mirror(material);
-    if (!is_glass(material)) return Split(mirrors ? schlick(material, cos_i) : vec3(0.0), vec3(0.0));
+Split split_interface(Material material, float cos_i, bool front) {
+    if (!is_glass(material)) return Split(schlick(material, cos_i), vec3(0.0), dielectric_base(material, cos_i));
     float dielectric = 1.0 - material.metallic;
     float eta = is_solid(material) && !front ? 1.0 / material.ior : material.ior;
     float r = fresnel_dielectric(cos_i, eta);
     // Both faces of a thin wall and all that goes back and forth between them.
     if (!is_solid(material)) r = 2.0 * r / (1.0 + r);
-    else if (r == 1.0) return Split(vec3(1.0), vec3(0.0));
+    else if (r == 1.0) return Split(vec3(1.0), vec3(0.0), 0.0);
+    vec3 color = min(r * material.specular_color, vec3(1.0));
     float strength = material.specular * dielectric;
     vec3 metal = material.base_color + (1.0 - material.base_color) * pow(clamp(1.0 - cos_i, 0.0, 1.0), 5.0);
-    vec3 reflected = strength * min(r * material.specular_color, vec3(1.0)) + material.metallic * metal;
-    // A rough reflection is left out; what enters a rough glass goes on as through a smooth one.
-    if (!mirrors) reflected = vec3(0.0);
-    vec3 transmitted = (1.0 - r * material.specular) * dielectric * material.transmission * material.base_color;
-    return Split(reflected, transmitted);
+    vec3 reflected = strength * color + material.metallic * metal;
+    float base = 1.0 - max_component(color) * material.specular;
+    vec3 transmitted = base * dielectric * material.transmission * material.base_color;
+    return Split(reflected, transmitted, base);
+}
+
+// The same of a surface whose rough reflection is left out, and where what enters a rough glass goes on as through a
+// smooth one.
+Split split_light(Material material, float cos_i, bool front) {
+    bool mirrors = is_mirror(material);
+    if (!mirrors && !is_glass(material)) return Split(vec3(0.0), vec3(0.0), 1.0);
+    Split split = split_interface(material, cos_i, front);
+    bool total = is_solid(material) && split.base == 0.0;
+    if (!mirrors && !total) split = Split(vec3(0.0), split.transmitted, 1.0);
+    return split;
 }
 
 // Mirrored direction; a bent normal can send it below the surface, from where it is lifted.
@@ -80,8 +110,7 @@ vec3 transmit(Material material, vec3 direction, vec3 normal, bool front) {
 
 // Share of light the diffuse part gets once a mirror has taken its own.
 vec3 diffuse_share(Material material, float cos_i, bool front) {
-    if (!is_mirror(material) && !is_glass(material)) return diffuse_albedo(material);
-    return diffuse_albedo(material) * (1.0 - split_light(material, cos_i, front).reflected);
+    return diffuse_albedo(material) * split_light(material, cos_i, front).base;
 }
 
 #endif
