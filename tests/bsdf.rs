@@ -591,6 +591,43 @@ fn smooth_interfaces_scatter_into_two_directions() {
     assert!(rough.sample_pdf > 0.0);
 }
 
+/// Nothing is infinite, undefined or negative, however grazing the view and extreme the numbers.
+#[test]
+fn scattering_stays_finite_at_the_edges() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut queries = Vec::new();
+    let mut materials = Vec::new();
+    for make in [plastic, metal, pane, glass, paint] {
+        for roughness in [0.0, 0.0101, 0.05, 0.5, 1.0] {
+            let material = materials.len() as u32;
+            materials.push(make(roughness));
+            materials[material as usize].clearcoat_roughness = roughness;
+            for z in [1e-7_f32, 1e-4, 0.5, 1.0] {
+                let wo = Vec3::new((1.0 - z * z).sqrt(), 0.0, z);
+                for u in 0..27_u32 {
+                    let end = |i: u32| [0.0, 0.5, 0.999_999_94][(i % 3) as usize];
+                    let u = [end(u), end(u / 3), end(u / 9)];
+                    let wi = Vec3::new(-wo.x, 0.0, if u[0] == 0.5 { -z } else { z });
+                    let normal = Vec3::new(-u[1], 0.2, 1.0).normalize().to_array();
+                    for front in 0..2 {
+                        let wi = wi.to_array();
+                        queries.push(BsdfQuery { u, wi, front, material, normal, ..query(wo) });
+                    }
+                }
+            }
+        }
+    }
+    for conserving in [false, true] {
+        let answers = Plane::new(&device, conserving).ask(&materials, &queries);
+        for (query, a) in queries.iter().zip(answers) {
+            let numbers = [a.f, a.weight, a.sample_f, a.diffuse, [a.pdf, a.sample_pdf, a.eta]];
+            let fine = numbers.as_flattened().iter().all(|v| v.is_finite() && *v >= 0.0);
+            assert!(fine && Vec3::from(a.direction).is_finite(), "{query:?} {a:?}");
+            assert!(a.found == 0 || (Vec3::from(a.direction).length() - 1.0).abs() < 1e-4, "{query:?} {a:?}");
+        }
+    }
+}
+
 // ---- surfaces ----
 
 fn instance(mesh: u32, transform: Affine3A) -> Instance {
@@ -903,6 +940,42 @@ fn emitters_are_sampled_by_power_and_area() {
     for a in behind.iter().filter(|a| a.flags & 1 == 1) {
         assert!(a.primitive >= 2, "{a:?}");
     }
+}
+
+/// Triangles of placed instances, scaled and mirrored, are chosen by their area in the world, and face the same way.
+#[test]
+fn emitters_in_instances_are_sampled_by_their_area() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut material = lamp(Vec3::ONE);
+    material.double_sided = false;
+    let mut scene = lamps(&[1.0], vec![material]);
+    // Turned over by the mirror: its front stays the lower side, as its normal is carried along.
+    let mirrored = Affine3A::from_scale_rotation_translation(
+        Vec3::new(-2.0, 1.0, 1.5),
+        Quat::from_rotation_x(0.2),
+        Vec3::new(-1.0, 0.0, 0.0),
+    );
+    scene.instances.push(instance(0, mirrored));
+    let mut renderer = renderer(&device, scene);
+    const N: u32 = 1 << 14;
+    let answers = light_answers(&mut renderer, Vec3::ZERO, N);
+    let (mut left, mut missed) = (0, 0);
+    for a in &answers {
+        assert_eq!(a.flags, 1, "both shine on the origin: {a:?}");
+        if a.ray_distance.is_infinite() {
+            missed += 1;
+            continue;
+        }
+        left += u32::from(a.direction[0] < 0.0);
+        assert!(
+            (a.distance - a.ray_distance).abs() < 1e-4 && (a.pdf / a.ray_pdf - 1.0).abs() < 1e-3,
+            "{a:?}"
+        );
+        assert_eq!(a.radiance, [1.0; 3]);
+    }
+    let share = f64::from(left) / f64::from(N);
+    assert!((share - 0.75).abs() < 0.016, "{share} of the samples are on three quarters of the area");
+    assert!(missed < 10, "{missed}");
 }
 
 /// An environment's directions follow luminance times solid angle (χ² over coarse cells), and a ray finds their density.

@@ -213,19 +213,22 @@ void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out
     }
 }
 
-// f·|cosθ_i| of the lobes asked for (LOBE_ bits) but delta ones; 0 below the surface but for transmission.
-vec3 bsdf_evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes) {
+// f·|cosθ_i| of the lobes asked for (LOBE_ bits) but delta ones; 0 below the surface but for transmission. `pdf` is the
+// density by solid angle with which bsdf_sample, asked for the same lobes, gives wi from another than a delta one.
+vec3 bsdf_evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, out float pdf) {
     vec3 f;
-    float pdf;
     evaluate(s, front, wo, wi, lobes, layers_of(s, front, wo, lobes), f, pdf);
     return f;
 }
 
-// Density by solid angle with which bsdf_sample, asked for the same lobes, gives wi from another than a delta one.
-float bsdf_pdf(Surface s, bool front, vec3 wo, vec3 wi, uint lobes) {
-    vec3 f;
+vec3 bsdf_evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes) {
     float pdf;
-    evaluate(s, front, wo, wi, lobes, layers_of(s, front, wo, lobes), f, pdf);
+    return bsdf_evaluate(s, front, wo, wi, lobes, pdf);
+}
+
+float bsdf_pdf(Surface s, bool front, vec3 wo, vec3 wi, uint lobes) {
+    float pdf;
+    bsdf_evaluate(s, front, wo, wi, lobes, pdf);
     return pdf;
 }
 

@@ -124,9 +124,10 @@ fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
     let channel = |name: &str| layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
     let channels = match [channel("R"), channel("G"), channel("B")] {
         [Some(r), Some(g), Some(b)] => [r, g, b],
-        _ => match channel("Y") {
-            Some(y) => [y; 3],
-            None => return Err("has neither channels R, G and B nor Y".into()),
+        // With RY and BY beside it Y is luminance, the colours apart.
+        _ => match (channel("Y"), channel("RY")) {
+            (Some(y), None) => [y; 3],
+            _ => return Err("has neither channels R, G and B nor Y alone".into()),
         },
     };
     let [mut r, mut g, mut b] = channels.map(|channel| channel.sample_data.values_as_f32());

@@ -190,6 +190,7 @@ impl SceneProfile {
             (!self.instanced, "every mesh is there once: no two-level traversal"),
             (!self.emission, "no emission: none is added to what the camera sees"),
             (!self.unlit, "no unlit materials: every surface is shaded"),
+            (self.clearcoat, "clear coats: not modelled, their light is missing"),
             (self.point_lights == 0, "no point lights"),
             (self.spot_lights == 0, "no spot lights"),
             (self.directional_lights == 0, "no directional lights"),
