@@ -155,33 +155,31 @@ impl SceneProfile {
     /// One line for each thing that is left out of the pipeline, and why.
     #[must_use]
     pub fn explain(&self) -> Vec<String> {
+        let any = self.any_textures();
         let textured_or_colored = self.textures || self.vertex_colors;
         let reasons = [
             (!self.mirrors && !self.glass, "no mirrors or glass: no specular bounces"),
             (self.mirrors && !self.glass, "no glass: no refraction"),
             (self.glass && !self.volumes, "no solid glass: panes are crossed straight, no absorption"),
-            (!self.textures, "no textures of base colour"),
-            (!self.any_textures(), "no textures: no sampling, no texture coordinates"),
+            (any && !self.textures, "no textures of base colour"),
+            (!any, "no textures: no sampling, no texture coordinates"),
             (
-                !self.metallic_roughness_textures,
+                any && !self.metallic_roughness_textures,
                 "no textures of roughness and metalness: one of each a material",
             ),
-            (!self.normal_maps, "no normal maps: no tangents"),
+            (any && !self.normal_maps, "no normal maps: no tangents"),
             (
-                !self.specular_textures,
+                any && !self.specular_textures,
                 "no textures of specular reflection: one strength and colour a material",
             ),
-            (!self.transmission_textures, "no textures of transmission: one a material"),
-            (!self.emission_textures, "no textures of emission: one radiance a material"),
+            (any && !self.transmission_textures, "no textures of transmission: one a material"),
+            (any && !self.emission_textures, "no textures of emission: one radiance a material"),
             (!self.clearcoat, "no clear coats"),
             (
                 self.clearcoat && !self.clearcoat_textures,
                 "no textures of clear coats: one strength and roughness a material",
             ),
-            (
-                self.any_textures() && !self.uv1,
-                "no texture uses the second coordinate set: it is not uploaded",
-            ),
+            (any && !self.uv1, "no texture uses the second coordinate set: it is not uploaded"),
             (!self.vertex_colors, "no vertex colours: they are not read"),
             (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),
             (!self.smooth_normals, "no shading normals: triangles' own normals"),
