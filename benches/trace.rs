@@ -125,7 +125,7 @@ fn main() -> anyhow::Result<()> {
             if backend == Backend::RayQuery && !device.info().ray_query {
                 continue;
             }
-            let structure = Structure::build(&device, backend, &geometry)?;
+            let structure = Structure::build(&device, backend, &geometry, true)?;
             let mut data = SceneData { ray_epsilon: geometry.ray_epsilon(), ..SceneData::default() };
             structure.describe(&mut data);
             let spec = SceneSpec {

@@ -90,6 +90,97 @@ impl Default for RenderConfig {
     }
 }
 
+/// Settings under one name.
+#[derive(Clone, Copy, Debug)]
+pub struct Preset {
+    /// Its word on the command line.
+    pub name: &'static str,
+    /// One line for help texts.
+    pub about: &'static str,
+    /// What it assigns, as for [`RenderConfig::apply_override`].
+    pub settings: &'static [&'static str],
+}
+
+/// Figures 5 to 7 of Marques & Santos 2010, each with all that the one before it has, and our own choice at the
+/// paper's number of VPLs. They leave the size of the picture, its camera and `min_distance` alone.
+pub const PRESETS: &[Preset] = &[
+    Preset {
+        name: "paper-canonical",
+        about: "180 VPLs, every pixel and every VPL",
+        settings: &[
+            "vpl_shoot.vpls=180",
+            "pixel_samples=1",
+            "indirect.visibility=exact",
+            "indirect.box_split=auto",
+            "indirect.downsample=1",
+            "indirect.upsample=paper",
+            "indirect.interleave=1",
+            "indirect.pattern=regular",
+            "indirect.filter=paper",
+        ],
+    },
+    Preset {
+        name: "paper-imperfect",
+        about: "and triangles' bounding boxes in place of triangles for VPLs",
+        settings: &[
+            "vpl_shoot.vpls=180",
+            "pixel_samples=1",
+            "indirect.visibility=boxes",
+            "indirect.box_split=auto",
+            "indirect.downsample=1",
+            "indirect.upsample=paper",
+            "indirect.interleave=1",
+            "indirect.pattern=regular",
+            "indirect.filter=paper",
+        ],
+    },
+    Preset {
+        name: "paper-downsampled",
+        about: "and 4x4 downsampling",
+        settings: &[
+            "vpl_shoot.vpls=180",
+            "pixel_samples=1",
+            "indirect.visibility=boxes",
+            "indirect.box_split=auto",
+            "indirect.downsample=4",
+            "indirect.upsample=paper",
+            "indirect.interleave=1",
+            "indirect.pattern=regular",
+            "indirect.filter=paper",
+        ],
+    },
+    Preset {
+        name: "paper-interleaved",
+        about: "and 3x3 interleaved sampling",
+        settings: &[
+            "vpl_shoot.vpls=180",
+            "pixel_samples=1",
+            "indirect.visibility=boxes",
+            "indirect.box_split=auto",
+            "indirect.downsample=4",
+            "indirect.upsample=paper",
+            "indirect.interleave=3",
+            "indirect.pattern=regular",
+            "indirect.filter=paper",
+        ],
+    },
+    Preset {
+        name: "fast",
+        about: "exact visibility, 4x4 and 3x3 with the edge-aware filter",
+        settings: &[
+            "vpl_shoot.vpls=180",
+            "pixel_samples=1",
+            "indirect.visibility=exact",
+            "indirect.box_split=auto",
+            "indirect.downsample=4",
+            "indirect.upsample=plane",
+            "indirect.interleave=3",
+            "indirect.pattern=regular",
+            "indirect.filter=combined",
+        ],
+    },
+];
+
 /// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -169,6 +260,19 @@ impl RenderConfig {
         Ok(())
     }
 
+    /// Carries out the assignments of a preset.
+    ///
+    /// # Errors
+    /// No preset has this name.
+    pub fn apply_preset(&mut self, name: &str) -> Result<(), ConfigError> {
+        let preset = PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
+            let names: Vec<_> = PRESETS.iter().map(|preset| preset.name).collect();
+            let problem = format!("no preset `{name}`; there are {}", names.join(", "));
+            ConfigError::Value { key: "preset".into(), problem }
+        })?;
+        preset.settings.iter().try_for_each(|assignment| self.apply_override(assignment))
+    }
+
     /// Checks every range its fields' documentation states.
     ///
     /// # Errors
@@ -188,11 +292,29 @@ impl RenderConfig {
         within("vpl_shoot.bounces", self.vpl_shoot.bounces, 1..=32)?;
         within("whitted.specular_depth", self.whitted.specular_depth, 0..=16)?;
         within("whitted.mirror_roughness", self.whitted.mirror_roughness, 0.0..=1.0)?;
+        within("indirect.downsample", self.indirect.downsample, 1..=16)?;
+        within("indirect.interleave", self.indirect.interleave, 1..=3)?;
+        within("indirect.depth_threshold", self.indirect.depth_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
+        within("indirect.normal_threshold", self.indirect.normal_threshold, -1.0..=1.0)?;
+        within("indirect.plane_threshold", self.indirect.plane_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
+        within("indirect.plane_cosine", self.indirect.plane_cosine, -1.0..=0.999)?;
         if let Some(distance) = self.indirect.min_distance
             && !(distance.is_finite() && distance >= 0.0)
         {
             let problem = format!("{distance} is not a distance (finite, at least 0)");
             return Err(ConfigError::Value { key: "indirect.min_distance".into(), problem });
+        }
+        if let Some(longest) = self.indirect.box_split {
+            let problem = if !(longest.is_finite() && longest > 0.0) {
+                format!("{longest} is not a length (finite, above 0)")
+            } else if self.indirect.boxes().is_none() {
+                format!("visibility {} has no boxes to split", self.indirect.visibility.name())
+            } else {
+                String::new()
+            };
+            if !problem.is_empty() {
+                return Err(ConfigError::Value { key: "indirect.box_split".into(), problem });
+            }
         }
         if let Some(stops) = self.tone_map.exposure {
             within("tone_map.exposure", stops, -64.0..=64.0)?;
@@ -336,6 +458,43 @@ mod tests {
         assert_eq!((config.size, config.vpl_shoot.vpls), ([800, 600], 180));
     }
 
+    /// Whatever was set before, a preset is valid, and the paper's differ from one to the next by one acceleration.
+    #[test]
+    fn presets_are_cumulative_and_overrule_what_was_there() {
+        let mut strange = RenderConfig { pixel_samples: 3, ..RenderConfig::default() };
+        for assignment in [
+            "vpl_shoot.vpls=7",
+            "indirect.visibility=boxes-plane",
+            "indirect.box_split=0.5",
+            "indirect.downsample=2",
+            "indirect.upsample=plane",
+            "indirect.interleave=2",
+            "indirect.pattern=irregular",
+            "indirect.filter=combined",
+        ] {
+            strange.apply_override(assignment).unwrap();
+        }
+        let preset = |name| {
+            let [mut plain, mut strange] = [RenderConfig::default(), strange.clone()];
+            plain.apply_preset(name).unwrap();
+            strange.apply_preset(name).unwrap();
+            strange.validate().unwrap();
+            assert_eq!(plain, strange, "{name}");
+            plain
+        };
+        let mut expected = RenderConfig::default();
+        for (name, change) in [
+            ("paper-canonical", "seed=0"),
+            ("paper-imperfect", "indirect.visibility=boxes"),
+            ("paper-downsampled", "indirect.downsample=4"),
+            ("paper-interleaved", "indirect.interleave=3"),
+        ] {
+            expected.apply_override(change).unwrap();
+            assert_eq!(preset(name), expected, "{name}");
+        }
+        assert_eq!(preset("fast").indirect.visibility, crate::techniques::indirect::Visibility::Exact);
+    }
+
     /// Every leaf can be set both ways, and the two ways agree.
     #[test]
     fn file_and_assignment_reach_every_field() {
@@ -350,6 +509,17 @@ mod tests {
             ("whitted.specular_depth", "1"),
             ("whitted.mirror_roughness", "0.25"),
             ("indirect.min_distance", "0.5"),
+            ("indirect.downsample", "4"),
+            ("indirect.upsample", "\"plane\""),
+            ("indirect.interleave", "3"),
+            ("indirect.pattern", "\"irregular\""),
+            ("indirect.filter", "\"combined\""),
+            ("indirect.depth_threshold", "0.1"),
+            ("indirect.normal_threshold", "0.5"),
+            ("indirect.plane_threshold", "0.5"),
+            ("indirect.plane_cosine", "0.5"),
+            ("indirect.visibility", "\"boxes-plane\""),
+            ("indirect.box_split", "0.5"),
             ("tone_map.exposure", "-1.5"),
         ];
         let keys = known_keys();
@@ -426,6 +596,15 @@ mod tests {
             ("indirect.min_distance=-0.1", "indirect.min_distance"),
             ("indirect.min_distance=inf", "indirect.min_distance"),
             ("indirect.min_distance=1e300", "indirect.min_distance"),
+            ("indirect.downsample=0", "indirect.downsample"),
+            ("indirect.downsample=17", "indirect.downsample"),
+            ("indirect.interleave=0", "indirect.interleave"),
+            ("indirect.interleave=4", "indirect.interleave"),
+            ("indirect.depth_threshold=0", "indirect.depth_threshold"),
+            ("indirect.normal_threshold=nan", "indirect.normal_threshold"),
+            ("indirect.plane_threshold=-1", "indirect.plane_threshold"),
+            ("indirect.plane_cosine=1", "indirect.plane_cosine"),
+            ("indirect.box_split=0.5", "indirect.box_split"),
             ("tone_map.exposure=nan", "tone_map.exposure"),
             ("tone_map.exposure=65", "tone_map.exposure"),
         ] {
@@ -434,6 +613,11 @@ mod tests {
                 Err(ConfigError::Value { key: named, .. }) => assert_eq!(named, key),
                 other => panic!("{assignment}: {other:?}"),
             }
+        }
+        let mut config = with("indirect.visibility=boxes").unwrap();
+        for (longest, fits) in [("0.5", true), ("0", false), ("-1", false), ("inf", false), ("nan", false)] {
+            config.apply_override(&format!("indirect.box_split={longest}")).unwrap();
+            assert_eq!(config.validate().is_ok(), fits, "{longest}");
         }
         for assignment in
             ["size=[16384,1]", "crop=[0,0,800,600]", "vpl_shoot.vpls=16777216", "tone_map.exposure=-3"]

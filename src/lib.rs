@@ -13,6 +13,7 @@ pub mod graph;
 pub mod methods;
 pub mod metrics;
 pub mod output;
+pub mod paper;
 #[cfg(feature = "compile")]
 mod reflect;
 pub mod renderer;

@@ -54,7 +54,7 @@ pub(crate) struct Reflection {
 /// A sentence naming the variable that breaks a rule of the kernel interface.
 pub(crate) fn reflect(words: &[u32]) -> Result<Reflection, String> {
     let entry_points = ReflectConfig::new()
-        .spv(words)
+        .spv(without_conditions(words))
         .ref_all_rscs(true)
         .reflect()
         .map_err(|error| format!("reflection failed: {error}"))?;
@@ -216,6 +216,34 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
         rest = &rest[length..];
         Some((first & 0xffff, operands))
     })
+}
+
+/// `spirq` fails at comparisons of specialization constants, logic between them and choices by them, which decide
+/// nothing that is reflected: they become constants.
+fn without_conditions(words: &[u32]) -> Vec<u32> {
+    const TYPE_BOOL: u32 = 20;
+    const CONSTANT_FALSE: u32 = 42;
+    const CONSTANT: u32 = 43;
+    const SPEC_CONSTANT_OP: u32 = 52;
+    const SELECT: u32 = 169;
+    let bool_type =
+        instructions(words).find(|(opcode, _)| *opcode == TYPE_BOOL).map(|(_, operands)| operands[0]);
+    let mut simpler = words.get(..5).unwrap_or_default().to_vec();
+    for (opcode, operands) in instructions(words) {
+        match operands {
+            [ty, result, ..] if opcode == SPEC_CONSTANT_OP && Some(*ty) == bool_type => {
+                simpler.extend([3 << 16 | CONSTANT_FALSE, *ty, *result]);
+            }
+            [ty, result, SELECT, ..] if opcode == SPEC_CONSTANT_OP => {
+                simpler.extend([4 << 16 | CONSTANT, *ty, *result, 1]);
+            }
+            _ => {
+                simpler.push((operands.len() as u32 + 1) << 16 | opcode);
+                simpler.extend(operands);
+            }
+        }
+    }
+    simpler
 }
 
 /// `spirq` does not report the constants' defaults.

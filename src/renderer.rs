@@ -11,17 +11,24 @@ use crate::sampling::pixel_offset;
 use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
+use crate::techniques::indirect::{IndirectConfig, Visibility};
 use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, tone_map};
 use crate::vk::{self, DeviceKind, MemoryKind};
 use crate::vk::{Backend, Format};
 use glam::Vec2;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 mod choice;
 
 pub use choice::{Timing, cached_timing};
+
+/// Up to so many pixels every transient keeps memory of its own, about 250 bytes a pixel.
+const UNSHARED_PIXELS: u64 = 1 << 20;
+
+/// A GPU raises its clocks under load: below this, times are those of a sleepy one.
+const WARM_UP: Duration = Duration::from_millis(500);
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +54,12 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// The kind of visibility exists on the other backend only.
+    #[error("visibility {visibility} is traced in software only; use --backend software or auto")]
+    SoftwareOnly {
+        /// Its word.
+        visibility: &'static str,
+    },
     /// Stopped by the caller.
     #[error("interrupted")]
     Cancelled,
@@ -61,7 +74,10 @@ impl Error {
             Self::Vulkan(error) => error.exit_code(),
             Self::Graph(graph::Error::Vulkan(error)) => error.exit_code(),
             Self::Graph(graph::Error::Cancelled) | Self::Cancelled => 130,
-            Self::Graph(graph::Error::Declaration(_)) | Self::Scene(_) | Self::Config(_) => 2,
+            Self::Graph(graph::Error::Declaration(_))
+            | Self::Scene(_)
+            | Self::Config(_)
+            | Self::SoftwareOnly { .. } => 2,
             Self::NoRayQuery { .. } => 3,
             Self::Structure(error) => error.exit_code(),
             Self::Graph(_) => 1,
@@ -87,6 +103,9 @@ pub enum BackendChoice {
 pub struct RendererOptions {
     /// Which backend to trace rays with.
     pub backend: BackendChoice,
+    /// The visibility that pictures will ask for: [`BackendChoice::Auto`] and [`BackendChoice::Measure`] take a
+    /// backend that has it.
+    pub visibility: Visibility,
 }
 
 /// What to bring back beside the picture, and how to report on the way.
@@ -96,7 +115,7 @@ pub struct FrameRequest<'a> {
     pub aovs: &'a [Aov],
     /// Resources as passes left them, each `PASS:RESOURCE`; of the last pixel sample.
     pub taps: &'a [String],
-    /// 0: render once. N: render once to warm up, then N times, and report medians.
+    /// 0: render once. N: render once to warm up, on a GPU for half a second, then N times, and report medians.
     pub repeat: u32,
     /// Set to stop between submits.
     pub cancel: Option<&'a AtomicBool>,
@@ -187,8 +206,8 @@ pub struct Layer {
 pub struct PassStats {
     /// Path in the graph.
     pub path: String,
-    /// Milliseconds on the device: median over repeats of the sum over pixel samples. Absent where the device
-    /// has no timestamps.
+    /// Milliseconds on the device, each pass by itself: median over repeats of the sum over pixel samples. Absent
+    /// where the device has no timestamps.
     pub ms: Option<f64>,
     /// Rays traced, for passes that trace any.
     pub rays: Option<u64>,
@@ -209,7 +228,8 @@ pub struct Frame {
     pub taps: Vec<(String, Layer)>,
     /// Passes in order of execution, downloads left out.
     pub passes: Vec<PassStats>,
-    /// Milliseconds on the device: median over repeats of the sum over passes.
+    /// Milliseconds on the device of the whole frame: median over repeats. Where passes overlap it is less than
+    /// their sum: a GPU renders each repeat twice, the second time without timing passes.
     pub total_ms: Option<f64>,
     /// Milliseconds from the first submit to the last download, of the last repeat.
     pub wall_ms: f64,
@@ -217,6 +237,9 @@ pub struct Frame {
     pub rays: u64,
     /// VPLs that exist.
     pub vpl_count: u32,
+    /// Pixels, of the last pixel sample, that no filter could serve and that were gathered by themselves; `None`
+    /// where the settings never do so.
+    pub regathered: Option<u32>,
     /// Light paths launched.
     pub path_count: u32,
     /// The paper's min_d in force (m).
@@ -248,11 +271,17 @@ impl Renderer {
     pub fn new(device: &vk::Device, scene: Scene, options: &RendererOptions) -> Result<Self, Error> {
         scene.validate()?;
         let ray_query = device.info().ray_query;
+        let software_only = options.visibility.software_only();
+        let visibility = options.visibility.name();
         let (backend, reason) = match options.backend {
+            BackendChoice::Force(Backend::RayQuery) if software_only => {
+                return Err(Error::SoftwareOnly { visibility });
+            }
             BackendChoice::Force(Backend::RayQuery) if !ray_query => {
                 return Err(Error::NoRayQuery { device: device.info().name.clone() });
             }
             BackendChoice::Force(backend) => (backend, "as asked".into()),
+            _ if software_only => (Backend::Software, format!("the only one with visibility {visibility}")),
             _ if !ray_query => (Backend::Software, "the device has no ray query".into()),
             BackendChoice::Auto if device.info().kind == DeviceKind::Cpu => {
                 (Backend::Software, "the faster one on CPU devices".into())
@@ -266,7 +295,7 @@ impl Renderer {
                 (timing.fastest(), format!("{timing}, on this scene"))
             }
         };
-        Self::with_backend(device, scene, backend, reason)
+        Self::with_backend(device, scene, backend, reason, !software_only)
     }
 
     fn with_backend(
@@ -274,11 +303,12 @@ impl Renderer {
         scene: Scene,
         backend: Backend,
         reason: String,
+        split: bool,
     ) -> Result<Self, Error> {
         let geometry = Geometry::of(&scene)?;
         let executor = Executor::new(device, backend)?;
         let mut gpu = GpuScene::upload(device, &scene, &geometry)?;
-        let structure = Structure::build(device, backend, &geometry)?;
+        let structure = Structure::build(device, backend, &geometry, split)?;
         structure.describe(&mut gpu.data);
         let uniform = device.buffer("scene", size_of::<shaders::SceneData>() as u64, MemoryKind::Upload)?;
         let set = device.scene_set(backend, &uniform, structure.top_level())?;
@@ -295,6 +325,27 @@ impl Renderer {
             reason,
             device: device.clone(),
         })
+    }
+
+    /// Builds the second structure that `config` needs, unless it is there.
+    fn ensure_boxes(&mut self, config: &IndirectConfig) -> Result<(), Error> {
+        if config.visibility.software_only() && self.backend != Backend::Software {
+            return Err(Error::SoftwareOnly { visibility: config.visibility.name() });
+        }
+        if config.visibility == Visibility::BoxesInline && !self.structure.is_whole() {
+            self.structure.rebuild_whole(&self.device, &Geometry::of(&self.scene)?)?;
+            self.structure.describe(&mut self.gpu.data);
+        }
+        let Some(options) = config.boxes().filter(|options| !self.structure.has_boxes(options)) else {
+            return Ok(());
+        };
+        let geometry = Geometry::of(&self.scene)?;
+        self.structure.build_boxes(&self.device, &geometry, &options)?;
+        self.structure.describe(&mut self.gpu.data);
+        if let Some(top) = self.structure.box_top_level() {
+            self.set.set_boxes(top);
+        }
+        Ok(())
     }
 
     /// The backend in use, and why.
@@ -348,6 +399,7 @@ impl Renderer {
     /// A graph declared wrongly, or the device's failure.
     pub fn run(&mut self, graph: Graph<'_>, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
         config.validate()?;
+        self.ensure_boxes(&config.indirect)?;
         self.write_uniform(config, camera, pixel_offset(0, 1), None)?;
         Ok(self.executor.run(graph, &RunOptions { scene: Some(&self.set), ..RunOptions::default() })?)
     }
@@ -377,9 +429,15 @@ impl Renderer {
         request: &FrameRequest<'_>,
     ) -> Result<Frame, Error> {
         config.validate()?;
-        let runs = if request.repeat == 0 { 1 } else { request.repeat + 1 };
+        self.ensure_boxes(&config.indirect)?;
+        // A CPU device runs pass after pass: there the sum is the frame's time.
+        let cpu = self.device.info().kind == DeviceKind::Cpu;
+        let twice = if cpu { 1 } else { 2 };
+        let begun = Instant::now();
+        let runs = if request.repeat == 0 { 1 } else { 1 + twice * request.repeat };
         let mut rays = HashMap::new();
         let mut timed = Vec::new();
+        let mut totals = Vec::new();
         let mut frame = None;
         for run in 0..runs {
             let report = |progress: Progress<'_>| {
@@ -389,19 +447,30 @@ impl Renderer {
             };
             // Rays are counted in the first run only: the warm-up, where there is one.
             let counters = (run == 0).then(|| self.counters()).transpose()?;
-            let (times, result) = self.once(config, camera, request, &report, counters.as_ref())?;
+            let pass_times = run <= request.repeat;
+            let once = Once { pass_times, counters: counters.as_ref(), progress: &report };
+            let (times, total, result) = self.once(config, camera, request, &once)?;
             if let Some(counters) = counters {
                 rays = self.rays(&counters)?;
             }
-            if run > 0 || runs == 1 {
+            if run == 0 && runs > 1 && !cpu {
+                let again = Once { pass_times, counters: None, progress: &report };
+                while begun.elapsed() < WARM_UP {
+                    self.once(config, camera, request, &again)?;
+                }
+            }
+            if pass_times && (run > 0 || runs == 1) {
                 timed.push(times);
+            }
+            if run + request.repeat >= runs || runs == 1 {
+                totals.push(total);
             }
             frame = Some(result);
         }
         let frame = frame.ok_or(Error::Cancelled)?;
         Ok(Frame {
             passes: summarise(&timed, &rays),
-            total_ms: median(timed.iter().map(|times| times.iter().map(|time| time.ms).sum()).collect()),
+            total_ms: median(totals),
             rays: rays.values().sum(),
             peak_device_bytes: self.device.memory().peak,
             ..frame
@@ -414,19 +483,22 @@ impl Renderer {
         config: &RenderConfig,
         camera: &Camera,
         request: &FrameRequest<'_>,
-        progress: &dyn Fn(Progress<'_>),
-        counters: Option<&vk::Buffer>,
-    ) -> Result<(Vec<PassTime>, Frame), Error> {
+        once: &Once<'_>,
+    ) -> Result<(Vec<PassTime>, Option<f64>, Frame), Error> {
         let start = Instant::now();
-        let info = FrameInfo { extent: window(config).1, area: self.area };
-        let kernels = self.kernels(config.whitted.mirror_roughness);
+        let view = Window::of(config);
+        let info = view.frame(self.area);
+        let kernels =
+            self.kernels(config.whitted.mirror_roughness).with_visibility(config.indirect.visibility);
         let samples = config.pixel_samples;
         let means = self.means(config, request.aovs)?;
+        let pixels = u64::from(info.extent[0]) * u64::from(info.extent[1]);
         let mut times = Vec::new();
+        let mut total = Some(0.0);
         for sample in 0..samples {
-            self.write_uniform(config, camera, pixel_offset(sample, samples), counters)?;
+            self.write_uniform(config, camera, pixel_offset(sample, samples), once.counters)?;
             let mut g = Graph::new();
-            let recorded = record(&mut g, &kernels, config, &info, request.aovs, &means, sample);
+            let recorded = record(&mut g, &kernels, config, &view, &info, request.aovs, &means, sample);
             let last = sample + 1 == samples;
             let tickets = last.then(|| Tickets::take(&mut g, config, recorded));
             let specs = if last { request.taps } else { &[] };
@@ -434,20 +506,28 @@ impl Renderer {
                 specs.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect();
             let taps = taps?;
             let report = |p: graph::Progress<'_>| {
-                progress(Progress { pass: p.pass, done: (f64::from(sample) + p.done) / f64::from(samples) });
+                (once.progress)(Progress {
+                    pass: p.pass,
+                    done: (f64::from(sample) + p.done) / f64::from(samples),
+                });
             };
             let options = RunOptions {
                 scene: Some(&self.set),
                 cancel: request.cancel,
                 progress: Some(&report),
+                pass_times: once.pass_times,
+                // Sharing memory makes passes wait for each other (5 % of a fast frame on an H100).
+                alias: pixels > UNSHARED_PIXELS,
                 ..RunOptions::default()
             };
             let mut run = self.executor.run(g, &options)?;
             add_times(&mut times, &run.passes);
+            total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
             if let Some(tickets) = tickets {
-                let frame = tickets.redeem(&mut run, &info, request.aovs, taps);
+                let frame = tickets.redeem(&mut run, view.extent, request.aovs, taps);
                 return Ok((
                     times,
+                    total,
                     Frame {
                         wall_ms: start.elapsed().as_secs_f64() * 1e3,
                         path_count: config.vpl_shoot.paths(),
@@ -472,7 +552,7 @@ impl Renderer {
             return Ok(Vec::new());
         }
         let names = std::iter::once("beauty").chain(aovs.iter().map(|aov| aov.name()));
-        let extent = window(config).1;
+        let extent = Window::of(config).extent;
         let image = |name| Ok(self.device.image(&format!("mean.{name}"), extent, Format::Rgba32Float)?);
         names.map(image).collect()
     }
@@ -498,7 +578,7 @@ impl Renderer {
         let data = shaders::SceneData {
             camera: camera_data(camera, config.size),
             full_size: config.size,
-            window_origin: window(config).0,
+            window_origin: Window::of(config).traced_origin,
             pixel_offset: pixel_offset.to_array(),
             ray_counters: counters.map_or(0, vk::Buffer::address),
             seed: config.seed,
@@ -525,19 +605,43 @@ pub fn plan(
     requirements: &dyn Requirements,
 ) -> Result<Plan, Error> {
     config.validate()?;
-    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH);
-    let info = FrameInfo { extent: window(config).1, area: scene.area() as f32 };
+    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH)
+        .with_visibility(config.indirect.visibility);
+    let view = Window::of(config);
+    let info = view.frame(scene.area() as f32);
     let mut g = Graph::new();
-    let recorded = record(&mut g, &kernels, config, &info, aovs, &[], 0);
+    let recorded = record(&mut g, &kernels, config, &view, &info, aovs, &[], 0);
     Tickets::take(&mut g, config, recorded);
     Ok(g.plan(requirements)?)
 }
 
-/// Origin and extent of the pixels rendered.
-fn window(config: &RenderConfig) -> ([u32; 2], [u32; 2]) {
-    match config.crop {
-        Some([x0, y0, x1, y1]) => ([x0, y0], [x1 - x0, y1 - y0]),
-        None => ([0, 0], config.size),
+/// The pixels asked for, and those that are traced because the ones asked for depend on them.
+struct Window {
+    origin: [u32; 2],
+    extent: [u32; 2],
+    traced_origin: [u32; 2],
+    traced_extent: [u32; 2],
+}
+
+impl Window {
+    fn of(config: &RenderConfig) -> Self {
+        let [x0, y0, x1, y1] = config.window();
+        let (reach, cell) = (config.indirect.reach(), config.indirect.downsample);
+        // Whole cells, or the samples that stand for them would lie outside.
+        let low = |at: u32| at.saturating_sub(reach) / cell * cell;
+        let high = |at: u32, size: u32| (at + reach).next_multiple_of(cell).min(size);
+        let traced_origin = [low(x0), low(y0)];
+        let traced_end = [high(x1, config.size[0]), high(y1, config.size[1])];
+        Self {
+            origin: [x0, y0],
+            extent: [x1 - x0, y1 - y0],
+            traced_origin,
+            traced_extent: [0, 1].map(|axis| traced_end[axis] - traced_origin[axis]),
+        }
+    }
+
+    fn frame(&self, area: f32) -> FrameInfo {
+        FrameInfo { origin: self.traced_origin, extent: self.traced_extent, area }
     }
 }
 
@@ -557,17 +661,27 @@ fn camera_data(camera: &Camera, size: [u32; 2]) -> shaders::Camera {
     }
 }
 
+/// How one render of all pixel samples is watched.
+struct Once<'a> {
+    pass_times: bool,
+    counters: Option<&'a vk::Buffer>,
+    progress: &'a dyn Fn(Progress<'_>),
+}
+
 /// What a frame's passes leave behind.
 struct Recorded {
     /// Beauty, then the layers asked for; with several pixel samples their means.
     images: Vec<Res<Image>>,
     vpl_count: Res<graph::Buffer>,
+    regathered: Option<Res<graph::Buffer>>,
 }
 
+#[expect(clippy::too_many_arguments, reason = "all that decides a frame")]
 fn record<'a>(
     g: &mut Graph<'a>,
     kernels: &Kernels,
     config: &RenderConfig,
+    view: &Window,
     info: &FrameInfo,
     aovs: &[Aov],
     means: &'a [vk::Image],
@@ -576,7 +690,7 @@ fn record<'a>(
     let method = methods::named(config.method.name());
     let layers = (method.record)(g, kernels, config, info);
     let mut images = vec![layers.beauty];
-    let mut unpacked = None;
+    let mut unpacked = layers.geometry;
     for aov in aovs {
         let mut geometry =
             |g: &mut Graph<'a>| *unpacked.get_or_insert_with(|| gbuffer::unpack(g, kernels, &layers.gbuffer));
@@ -590,12 +704,16 @@ fn record<'a>(
             Aov::Irradiance => layers.irradiance,
         });
     }
+    if view.extent != info.extent {
+        let origin = [0, 1].map(|axis| view.origin[axis] - info.origin[axis]);
+        images.iter_mut().for_each(|image| *image = compose::cut(g, *image, origin, view.extent));
+    }
     for (image, mean) in images.iter_mut().zip(means) {
         let mean = g.import_image(mean.name().to_owned(), mean);
         compose::accumulate(g, *image, mean, sample);
         *image = mean;
     }
-    Recorded { images, vpl_count: layers.vpl_count }
+    Recorded { images, vpl_count: layers.vpl_count, regathered: layers.regathered }
 }
 
 /// Promises of everything a frame brings back.
@@ -604,6 +722,7 @@ struct Tickets {
     display: Ticket<u8>,
     exposure: Ticket<f32>,
     vpl_count: Ticket<u32>,
+    regathered: Option<Ticket<u32>>,
 }
 
 impl Tickets {
@@ -614,11 +733,17 @@ impl Tickets {
             display: g.read_image(display.image),
             exposure: g.read_buffer(display.exposure),
             vpl_count: g.read_buffer(recorded.vpl_count),
+            regathered: recorded.regathered.map(|args| g.read_buffer(args)),
         }
     }
 
-    fn redeem(self, run: &mut Run, info: &FrameInfo, aovs: &[Aov], taps: Vec<(String, Tap)>) -> Frame {
-        let [width, height] = info.extent;
+    fn redeem(
+        self,
+        run: &mut Run,
+        [width, height]: [u32; 2],
+        aovs: &[Aov],
+        taps: Vec<(String, Tap)>,
+    ) -> Frame {
         let mut images =
             self.images.into_iter().map(|ticket| run.take(ticket)).collect::<Vec<_>>().into_iter();
         let layer = |texels: Vec<[f32; 4]>, channels: std::ops::Range<usize>| Layer {
@@ -640,6 +765,7 @@ impl Tickets {
             aovs,
             taps,
             vpl_count: run.take(self.vpl_count).first().copied().unwrap_or_default(),
+            regathered: self.regathered.and_then(|ticket| run.take(ticket).last().copied()),
             passes: Vec::new(),
             total_ms: None,
             wall_ms: 0.0,

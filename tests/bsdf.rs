@@ -635,7 +635,8 @@ fn instance(mesh: u32, transform: Affine3A) -> Instance {
 }
 
 fn renderer(device: &Device, scene: Scene) -> Renderer {
-    let options = RendererOptions { backend: BackendChoice::Force(Backend::Software) };
+    let options =
+        RendererOptions { backend: BackendChoice::Force(Backend::Software), ..RendererOptions::default() };
     Renderer::new(device, scene, &options).unwrap()
 }
 

@@ -60,7 +60,11 @@ impl Folder {
     }
 
     fn names(&self) -> Vec<String> {
-        let names = std::fs::read_dir(self.path()).unwrap();
+        Self::names_in(self.path())
+    }
+
+    fn names_in(path: &Path) -> Vec<String> {
+        let names = std::fs::read_dir(path).unwrap();
         let mut names: Vec<_> = names.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
@@ -176,6 +180,11 @@ fn bad_usage_exits_with_2_names_the_option_and_touches_nothing() {
         (&["render", "--min-distance", "nan"], &["--min-distance"]),
         (&["render", "--min-distance", "inf"], &["--min-distance"]),
         (&["render", "--min-distance", "-1"], &["--min-distance"]),
+        (&["render", "--visibility", "spheres"], &["--visibility", "boxes-plane"]),
+        (&["render", "--visibility", "boxes", "--box-split", "0"], &["--box-split"]),
+        (&["render", "--box-split", "0.5"], &["--box-split", "exact"]),
+        (&["render", "--visibility", "boxes-inline", "--box-split", "0.5"], &["--box-split", "boxes-inline"]),
+        (&["render", "-D", "indirect.box_split=1"], &["-D indirect.box_split=1"]),
         (&["render", "--exposure", "NaN"], &["--exposure"]),
         (&["render", "--exposure", "1e9"], &["--exposure"]),
         (&["render", "--pixel-samples", "0"], &["--pixel-samples"]),
@@ -204,6 +213,10 @@ fn bad_usage_exits_with_2_names_the_option_and_touches_nothing() {
         (&["render", "-o", "a.jpg"], &["a.jpg", ".png"]),
         (&["render", "-o", "a"], &["a:", ".png"]),
         (&["render", "-o", "a.png", "-o", "a.png"], &["a.png", "twice"]),
+        (&["paper", "--size", "0x5"], &["--size", "16384"]),
+        (&["paper", "--repeat", "-1"], &["--repeat"]),
+        (&["paper", "--vpls", "30"], &["--vpls"]),
+        (&["paper", "--camera", "a", "--eye", "0,0,1", "--look-at", "0,0,0"], &["--camera", "--eye"]),
         (&["graph", "-o", "a.svg"], &["a.svg", ".dot"]),
         (&["graph", "--method", "magic"], &["--method"]),
     ] {
@@ -229,7 +242,7 @@ fn bad_scenes_exit_with_2_and_name_the_file() {
         (&["wall.gltf", "--camera", "Middle"], &["--camera", "Middle", "0: Far", "1: Near"]),
         (&["wall.gltf", "--camera", "2"], &["--camera"]),
     ] {
-        for command in [&["render"][..], &["graph"]] {
+        for command in [&["render"][..], &["paper"], &["graph"]] {
             if command == ["graph"] && args.len() > 1 {
                 continue;
             }
@@ -286,13 +299,20 @@ fn outputs_that_cannot_be_written_are_found_before_the_scene_is_read() {
         );
         assert!(!message.contains("none.glb"), "{message}");
     }
-    assert_eq!(folder.names(), ["file", "folder.png"]);
+    for (dir, word) in [("file", "-o DIR"), ("missing/report", "missing/report"), ("report", "paper.md")] {
+        std::fs::create_dir_all(folder.path().join("report/paper.md")).unwrap();
+        let output = folder.run(&["paper", "none.glb", "-o", dir]);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(dir) && message.contains(word) && message.lines().count() == 1, "{message}");
+    }
+    assert_eq!(folder.names(), ["file", "folder.png", "report"]);
 }
 
 #[test]
 fn without_a_driver_the_exit_code_is_3_and_the_graph_still_shows() {
     let folder = Folder::empty();
-    for args in [&["render"][..], &["doctor"], &["doctor", "--json"]] {
+    for args in [&["render"][..], &["paper"], &["doctor"], &["doctor", "--json"]] {
         let output = folder.without_driver(args);
         assert_eq!(output.status.code(), Some(3), "{args:?}: {}", stderr(&output));
         assert!(stderr(&output).contains("Vulkan"), "{}", stderr(&output));
@@ -316,7 +336,7 @@ fn help_knows_every_word_and_needs_no_device() {
     let output = folder.without_driver(&["render", "--help"]);
     assert_eq!(output.status.code(), Some(0));
     let help = stdout(&output);
-    let words = "-o --size --method --vpls --bounces --min-distance --camera --eye --look-at --fov --exposure --aov \
+    let words = "-o --size --method --vpls --bounces --min-distance --visibility --box-split --camera --eye --look-at --fov --exposure --aov \
         --backend --pixel-samples --scene --no-headlight --config -D --device --seed --repeat --crop --stats --tap \
         --explain --quiet -v --progress";
     for word in words.split_whitespace() {
@@ -553,7 +573,137 @@ fn statistics_follow_their_schema() {
     check(&schema, &schema, &broken, "stats").unwrap_err();
 }
 
-/// The part of JSON Schema that `docs/stats.schema.json` uses; any other word in it fails the test.
+/// Lines of the Markdown table under a heading, head and rule left out.
+fn table_rows(text: &str, heading: &str) -> Vec<Vec<String>> {
+    let section = text.split("\n## ").find_map(|section| section.strip_prefix(heading)).unwrap();
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
+    section.lines().filter(|line| line.starts_with('|')).skip(2).map(cells).collect()
+}
+
+fn paper_schema() -> Value {
+    let schema = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/paper.schema.json")).unwrap();
+    serde_json::from_slice(&schema).unwrap()
+}
+
+#[test]
+fn the_papers_experiment_compares_every_approach_with_the_canonical_one() {
+    let Some((_guard, device)) = common::device() else { return };
+    let folder = Folder::empty();
+    let output = folder.run(&["paper", "builtin:office", "--size", "32x24", "--seed", "3"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let approaches = ["paper-canonical", "paper-imperfect", "paper-downsampled", "paper-interleaved", "fast"];
+    let differences = approaches[1..].iter().map(|approach| format!("{approach}-difference.png"));
+    let pictures = approaches.iter().map(|approach| format!("{approach}.png"));
+    let mut files: Vec<_> =
+        ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures).chain(differences).collect();
+    files.sort();
+    let report = Folder::names_in(&folder.path().join("office-paper"));
+    assert_eq!(report, files);
+
+    let schema = paper_schema();
+    let report = folder.json("office-paper/paper.json");
+    check(&schema, &schema, &report, "paper").unwrap();
+    for key in report.as_object().unwrap().keys() {
+        let mut broken = report.clone();
+        broken.as_object_mut().unwrap().shift_remove(key);
+        check(&schema, &schema, &broken, "paper").unwrap_err();
+    }
+    assert_eq!(report["complete"], true);
+    assert_eq!((&report["base"]["size"], &report["base"]["seed"]), (&json!([32, 24]), &json!(3)));
+    assert_eq!(report["device"]["uuid"], device.info().uuid.as_str());
+    assert!(report["reference"]["seed"] != 3);
+    let boxes = report["structures"].as_array().unwrap().iter().any(|s| s["name"] == "boxes");
+    assert!(boxes, "{}", report["structures"]);
+
+    let rows = report["rows"].as_array().unwrap();
+    let row = |vpls: u64, approach: &str| {
+        rows.iter().find(|row| row["vpls"] == vpls && row["approach"] == approach).unwrap()
+    };
+    assert_eq!(rows.len(), 15);
+    for vpls in [30, 90, 180] {
+        let canonical = row(vpls, "paper-canonical");
+        assert_eq!(canonical["speed_up"], 1.0);
+        for approach in approaches {
+            let row = row(vpls, approach);
+            let number = |pointer: &str| row.pointer(pointer).and_then(Value::as_f64).unwrap();
+            let ratio = canonical["frame_ms"].as_f64().unwrap() / number("/frame_ms");
+            assert!((number("/speed_up") / ratio - 1.0).abs() < 1e-9, "{row}");
+            assert!((number("/fps") * number("/frame_ms") / 1e3 - 1.0).abs() < 1e-9, "{row}");
+            let published = vpls == 180 && approach != "fast";
+            assert_eq!(row["published"].is_object(), published, "{row}");
+            assert_eq!(row["picture"].is_string(), vpls == 180, "{row}");
+            assert_eq!(row["ours"], approach == "fast");
+            // Nothing equals the canonical picture but itself, and the reference nothing at all.
+            for layer in ["beauty", "indirect"] {
+                let itself = vpls == 180 && approach == "paper-canonical";
+                assert_eq!(number(&format!("/error/canonical/{layer}/rel_mse")) == 0.0, itself, "{row}");
+                assert!(number(&format!("/error/reference/{layer}/rel_mse")) > 0.0, "{row}");
+            }
+            if device.info().timestamps {
+                let components = row["components"].as_array().unwrap();
+                let share: f64 = components.iter().map(|part| part["share"].as_f64().unwrap()).sum();
+                assert!((share - 1.0).abs() < 1e-9, "{row}");
+                let filters = components.iter().find(|part| part["name"] == "filters").unwrap();
+                assert_eq!(filters["ms"] != 0.0, !["paper-canonical", "paper-imperfect"].contains(&approach));
+            }
+        }
+        // Samples are a sixteenth of the pixels, subsets a ninth of the VPLs.
+        let rays = |approach| row(vpls, approach)["rays"].as_u64().unwrap();
+        assert!(rays("paper-imperfect") == rays("paper-canonical"));
+        assert!(rays("paper-downsampled") < rays("paper-imperfect"));
+        assert!(rays("paper-interleaved") < rays("paper-downsampled"));
+    }
+    assert_eq!(row(180, "paper-interleaved")["published"], json!({ "fps": 7.63, "speed_up": 7.63 / 0.64 }));
+
+    let text = std::fs::read_to_string(folder.path().join("office-paper/paper.md")).unwrap();
+    assert!(stdout(&output).starts_with(&text) && !text.contains("Not complete"), "{text}");
+    assert!(text.contains("were not measured here") && text.contains("GTX 480"), "{text}");
+    for (heading, pictured) in [("Time", false), ("Error", false), ("Pictures", true)] {
+        let lines = table_rows(&text, heading);
+        assert_eq!(lines.len(), if pictured { 5 } else { 15 }, "{heading}");
+        for (line, row) in lines.iter().zip(rows) {
+            assert_eq!(line[usize::from(!pictured)], row["label"].as_str().unwrap(), "{heading}");
+        }
+    }
+
+    // The difference is what its text says, of the pictures as they are.
+    let (canonical, _, texts) = png(&folder, "office-paper/paper-canonical.png");
+    let exposure = format!("{:+.2} EV", report["exposure_ev"].as_f64().unwrap());
+    for approach in &approaches[1..] {
+        let (picture, _, other) = png(&folder, &format!("office-paper/{approach}.png"));
+        let (difference, _, said) = png(&folder, &format!("office-paper/{approach}-difference.png"));
+        assert!(
+            texts["Exposure"] == other["Exposure"] && other["Exposure"].starts_with(&exposure),
+            "{other:?}"
+        );
+        assert!(said["Difference"].contains("x 8"), "{said:?}");
+        let expected = picture.iter().zip(&canonical).map(|(a, b)| a.abs_diff(*b).saturating_mul(8));
+        assert!(expected.eq(difference.iter().copied()), "{approach}");
+        assert!(difference.iter().any(|&value| value > 0), "{approach}");
+    }
+}
+
+/// … and a report that is there is replaced, in a folder of any name.
+#[test]
+fn only_the_papers_own_scenes_stand_beside_its_numbers() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    std::fs::create_dir(folder.path().join("report")).unwrap();
+    folder.write("report/paper.md", "old");
+    let args = ["paper", "wall.gltf", "--size", "16x12", "-o", "report", "--repeat", "1", "-q"];
+    let output = folder.run(&args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(output.stdout.is_empty() && output.stderr.is_empty(), "{}{}", stdout(&output), stderr(&output));
+    let report = folder.json("report/paper.json");
+    let schema = paper_schema();
+    check(&schema, &schema, &report, "paper").unwrap();
+    assert_eq!((&report["published"], &report["repeat"]), (&Value::Null, &json!(1)));
+    assert!(report["rows"].as_array().unwrap().iter().all(|row| row["published"].is_null()));
+    let text = std::fs::read_to_string(folder.path().join("report/paper.md")).unwrap();
+    assert!(!text.contains("paper: fps") && table_rows(&text, "Time").len() == 15, "{text}");
+}
+
+/// The part of JSON Schema that the schemas in `docs` use; any other word in them fails the test.
 fn check(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
     let fail = |what: String| Err(format!("{at}: {what}"));
     for (word, rule) in schema.as_object().unwrap() {
@@ -703,6 +853,34 @@ fn an_interrupted_render_exits_with_130_and_leaves_no_file() {
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
     assert_eq!(rest.last().map(String::as_str), Some("error: interrupted"));
     assert_eq!(folder.names(), ["wall.gltf"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_experiment_leaves_a_report_of_what_is_finished() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    let args = ["paper", "wall.gltf", "--size", "640x480", "--progress", "json"];
+    let mut child = folder.command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    // The reference follows the first row.
+    let started = lines.by_ref().map(Result::unwrap).find(|line| line.contains("\"pass\":\"reference"));
+    assert!(started.is_some(), "it ended before the reference: {:?}", child.wait());
+    let interrupt = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
+    let rest: Vec<_> = lines.map(Result::unwrap).collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert_eq!(rest.last().map(String::as_str), Some("error: interrupted"));
+    let report = folder.json("wall-paper/paper.json");
+    let schema = paper_schema();
+    check(&schema, &schema, &report, "paper").unwrap();
+    let rows = report["rows"].as_array().unwrap();
+    assert_eq!(report["complete"], false);
+    assert!(!rows.is_empty() && rows.len() < 15 && rows[0]["approach"] == "paper-canonical", "{rows:?}");
+    let text = std::fs::read_to_string(folder.path().join("wall-paper/paper.md")).unwrap();
+    assert!(text.contains(&format!("**Not complete**: {} of 15", rows.len())), "{text}");
+    assert_eq!(table_rows(&text, "Time").len(), rows.len());
+    assert!(!Folder::names_in(&folder.path().join("wall-paper")).iter().any(|name| name.ends_with(".tmp")));
 }
 
 #[test]

@@ -122,7 +122,8 @@ fn split([a, b, c]: [Vec3; 3]) -> [[Vec3; 3]; 4] {
 // ---- measuring ----
 
 fn software(device: &Device, scene: Scene) -> Renderer {
-    let options = RendererOptions { backend: BackendChoice::Force(Backend::Software) };
+    let options =
+        RendererOptions { backend: BackendChoice::Force(Backend::Software), ..RendererOptions::default() };
     Renderer::new(device, scene, &options).unwrap()
 }
 
@@ -202,14 +203,18 @@ fn irradiance_at(
     let gb = GBuffer {
         hits: g.image("hits", ImageDesc::new(config.size, Format::Rgba32Uint)),
         albedo: g.image("albedo", ImageDesc::new(config.size, Format::Rgba32Float)),
+        origin: [0, 0],
     };
     g.upload_image("hits", gb.hits, bytemuck::cast_slice(&samples.hits).to_vec());
     // An albedo of π turns what direct light the surface reflects back into irradiance.
     let white = vec![Vec4::splat(PI); samples.hits.len()];
     g.upload_image("albedo", gb.albedo, bytemuck::cast_slice(&white).to_vec());
-    let vpls = vpl_shoot::vpl_shoot(&mut g, &kernels, &config.vpl_shoot);
+    let paths = vpl_shoot::paths(&mut g, &kernels, &config.vpl_shoot);
+    let vpls = vpl_shoot::compact(&mut g, &config.vpl_shoot, &paths, 1);
     let m = config.indirect.min_distance.unwrap();
-    let indirect = indirect::indirect(&mut g, &kernels, &config.vpl_shoot, &gb, &vpls, m);
+    let samples = indirect::gather(&mut g, &kernels, &config.indirect, &gb, &vpls, m);
+    let indirect =
+        indirect::reconstruct(&mut g, &kernels, &config.indirect, &gb, None, &vpls, &samples).irradiance;
     let direct = whitted::direct(&mut g, &kernels, &gb);
     let (direct, indirect) = (g.read_image::<[f32; 4]>(direct), g.read_image::<[f32; 4]>(indirect));
     let mut run = renderer.run(g, config, camera).unwrap();
@@ -816,7 +821,8 @@ fn backends_draw_the_same_picture() {
     let (scene, camera) = cornell();
     let mut config = small(0);
     config.size = [32, 24];
-    let options = RendererOptions { backend: BackendChoice::Force(Backend::RayQuery) };
+    let options =
+        RendererOptions { backend: BackendChoice::Force(Backend::RayQuery), ..RendererOptions::default() };
     let mut hardware = Renderer::new(&device, scene.clone(), &options).unwrap();
     let a = picture(&mut hardware, &config, &camera, &[]).beauty.data;
     let b = picture(&mut software(&device, scene), &config, &camera, &[]).beauty.data;

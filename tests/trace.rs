@@ -36,7 +36,12 @@ struct Traced<'a> {
 
 impl<'a> Traced<'a> {
     fn new(device: &'a Device, backend: Backend, geometry: &'a Geometry) -> Self {
-        Self { device, backend, structure: Structure::build(device, backend, geometry).unwrap(), geometry }
+        Self {
+            device,
+            backend,
+            structure: Structure::build(device, backend, geometry, true).unwrap(),
+            geometry,
+        }
     }
 
     fn trace(&self, rays: &[Ray], any_hit: bool) -> Vec<Hit> {
@@ -649,7 +654,7 @@ fn degenerate_rays_end() {
 #[test]
 fn a_hundred_thousand_nested_slivers_build_and_trace() {
     let geometry = single(nested_slivers(100_000));
-    let bvh = SoftwareBvh::build(&geometry, u64::MAX).unwrap();
+    let bvh = SoftwareBvh::build(&geometry, true, u64::MAX).unwrap();
     assert!(bvh.stack_depth <= MAX_STACK_DEPTH);
     if let Some((_guard, device)) = common::device() {
         let rays = rays(&geometry, 64);
@@ -662,10 +667,10 @@ fn a_hundred_thousand_nested_slivers_build_and_trace() {
 #[test]
 fn past_the_devices_memory_it_refuses() {
     let geometry = single(closed(12, 20, 0.0));
-    let needed = SoftwareBvh::build(&geometry, u64::MAX).unwrap().bytes();
-    assert!(SoftwareBvh::build(&geometry, needed).is_ok());
+    let needed = SoftwareBvh::build(&geometry, true, u64::MAX).unwrap().bytes();
+    assert!(SoftwareBvh::build(&geometry, true, needed).is_ok());
     for available in [0, 440 * 48, needed - 1] {
-        let error = SoftwareBvh::build(&geometry, available).unwrap_err();
+        let error = SoftwareBvh::build(&geometry, true, available).unwrap_err();
         assert!(
             matches!(error, Error::TooLarge { triangles: 440, bytes, .. } if bytes > available),
             "{error}"

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// One camera ray a pixel: what it hits, and the albedo that irradiance is multiplied with there.
+// One camera ray a pixel: what it hits, the albedo that irradiance is multiplied with there, and in its last channel
+// whether anything is mirrored or transmitted.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
@@ -16,14 +17,16 @@ void main() {
     Ray ray = camera_ray(uvec2(pixel));
     Hit hit;
     vec3 albedo = vec3(0.0);
+    float specular = 0.0;
     if (trace_closest(ray.origin, ray.direction, 0.0, 1.0 / 0.0, hit)) {
         Surface surface = surface_at(hit);
         bool front = face(surface, -ray.direction);
+        if (is_mirror(surface.material) || is_glass(surface.material)) specular = 1.0;
         albedo = diffuse_share(surface.material, max(0.0, -dot(surface.normal, ray.direction)), front);
     } else {
         hit.instance = NO_HIT;
     }
     imageStore(out_hits, pixel, pack_hit(hit));
-    imageStore(out_albedo, pixel, vec4(albedo, 1.0));
+    imageStore(out_albedo, pixel, vec4(albedo, specular));
     count_rays(COUNT_GBUFFER, 1u);
 }

@@ -134,6 +134,9 @@ struct SceneData {
     uint64_t environment_columns; // of each row, cumulative probability
     uint64_t bvh_nodes;
     uint64_t bvh_triangles;
+    uint64_t box_nodes; // of the structure over boxes, if there is one
+    uint64_t boxes;
+    uint64_t box_planes;
     uint64_t ray_counters; // 0: rays are not counted
     uint light_count;
     uint triangle_count;

@@ -13,38 +13,38 @@
 
 #extension GL_EXT_control_flow_attributes : require
 
+#include "trace/direction.glsl"
+
 layout(constant_id = 111) const uint STACK_DEPTH = 24u; // levels of nodes
 
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhNodes { uvec4 word[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhTriangles { vec4 word[]; };
 
-const uint TRACE_INVOCATIONS = gl_WorkGroupSize.x * gl_WorkGroupSize.y * gl_WorkGroupSize.z;
+// Groups of sibling nodes still to visit, by level. Private: in shared memory it leaves a GPU's caches too little room
+// for nodes (on an H100 gathering at scattered points takes 1.6 times as long).
+uvec2 trace_stack[STACK_DEPTH];
 
-// Groups of sibling nodes still to visit, by level; invocations side by side.
-shared uvec2 trace_stack[STACK_DEPTH * TRACE_INVOCATIONS];
-
-// Projects along the ray: (x, y) is the distance from it, z the ray parameter.
+// Projects along the ray: (x, y) is the distance from it. The axis the ray mostly follows comes last.
 struct RayFrame {
-    vec3 x;
-    vec3 y;
-    vec3 z;
+    uint axis;
+    vec3 shear; // the last: 1 / the direction's largest component
 };
+
+vec3 turn(uint axis, vec3 v) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
 
 RayFrame ray_frame(vec3 d)
 {
     vec3 a = abs(d);
-    if (a.x >= a.y && a.x >= a.z)
-        return RayFrame(vec3(-d.y / d.x, 1, 0), vec3(-d.z / d.x, 0, 1), vec3(1 / d.x, 0, 0));
-    if (a.y >= a.z)
-        return RayFrame(vec3(0, -d.z / d.y, 1), vec3(1, -d.x / d.y, 0), vec3(0, 1 / d.y, 0));
-    return RayFrame(vec3(1, 0, -d.x / d.z), vec3(0, 1, -d.y / d.z), vec3(0, 0, 1 / d.z));
+    uint axis = a.x >= a.y && a.x >= a.z ? 0u : a.y >= a.z ? 1u : 2u;
+    vec3 t = turn(axis, d);
+    return RayFrame(axis, vec3(-t.x / t.z, -t.y / t.z, 1 / t.z));
 }
 
-vec2 project(RayFrame frame, vec3 v)
+// z: along the ray, in units of its parameter.
+vec3 project(RayFrame frame, vec3 v)
 {
-    precise vec2 p;
-    p.x = fma(v.x, frame.x.x, fma(v.y, frame.x.y, v.z * frame.x.z));
-    p.y = fma(v.x, frame.y.x, fma(v.y, frame.y.y, v.z * frame.y.z));
+    vec3 t = turn(frame.axis, v);
+    precise vec3 p = vec3(fma(t.z, frame.shear.x, t.x), fma(t.z, frame.shear.y, t.y), t.z * frame.shear.z);
     return p;
 }
 
@@ -59,18 +59,18 @@ float edge(vec2 a, vec2 b)
 // t and the weights of the second and third vertex; false if the ray's line misses.
 bool intersect(RayFrame frame, vec3 a, vec3 b, vec3 c, out vec3 t_barycentrics)
 {
-    vec2 pa = project(frame, a);
-    vec2 pb = project(frame, b);
-    vec2 pc = project(frame, c);
-    vec3 w = vec3(edge(pc, pb), edge(pa, pc), edge(pb, pa));
+    vec3 pa = project(frame, a);
+    vec3 pb = project(frame, b);
+    vec3 pc = project(frame, c);
+    vec3 w = vec3(edge(pc.xy, pb.xy), edge(pa.xy, pc.xy), edge(pb.xy, pa.xy));
     float determinant = w.x + w.y + w.z;
     bool inside = all(greaterThanEqual(w, vec3(0))) || all(lessThanEqual(w, vec3(0)));
     if (!inside || determinant == 0) return false;
     // Far from a tiny triangle all products can round to the same.
-    vec2 low = min(pa, min(pb, pc));
-    vec2 high = max(pa, max(pb, pc));
+    vec2 low = min(pa.xy, min(pb.xy, pc.xy));
+    vec2 high = max(pa.xy, max(pb.xy, pc.xy));
     if (any(greaterThan(low, vec2(0))) || any(lessThan(high, vec2(0)))) return false;
-    t_barycentrics = vec3(dot(frame.z, w.x * a + w.y * b + w.z * c), w.yz) / determinant;
+    t_barycentrics = vec3(dot(w, vec3(pa.z, pb.z, pc.z)), w.yz) / determinant;
     return true;
 }
 
@@ -84,76 +84,103 @@ bool precedes(uvec2 id, uvec2 other)
     return id.x < other.x || (id.x == other.x && id.y < other.y);
 }
 
-bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool any_hit, out Hit hit)
-{
-    BvhNodes nodes = BvhNodes(scene.bvh_nodes);
-    BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
-    RayFrame frame = ray_frame(direction);
+// What of a ray decides which nodes it meets.
+struct NodeRay {
+    vec3 inverse;
+    vec3 enter;
+    vec3 leave;
+    bvec3 negative;
+    uint octant; // children lie in the slots of the octants they are seen from; near ones block sooner too
+};
 
-    // A zero component becomes so small a one that the ray does not notice and its inverse is finite.
-    vec3 size = abs(direction);
-    float tiny = max(size.x, max(size.y, size.z)) * uintBitsToFloat((127u - 60u) << 23);
-    vec3 inverse = 1 / mix(direction, mix(vec3(tiny), vec3(-tiny), lessThan(direction, vec3(0))), lessThan(size, vec3(tiny)));
+NodeRay node_ray(vec3 origin, vec3 direction)
+{
+    vec3 inverse = 1 / without_zeros(direction);
     vec3 reach = abs(origin);
     float slack = 4 * scene.ray_epsilon + max(reach.x, max(reach.y, reach.z)) * uintBitsToFloat((127u - 19u) << 23);
     vec3 enter = -origin * inverse - slack * abs(inverse);
     vec3 leave = -origin * inverse + slack * abs(inverse);
     bvec3 negative = lessThan(inverse, vec3(0));
-    // Children lie in the slots of the octants they are seen from; near ones block sooner too.
     uint octant = (negative.x ? 0u : 4u) | (negative.y ? 0u : 2u) | (negative.z ? 0u : 1u);
-    uint octant4 = octant * 0x01010101u;
+    return NodeRay(inverse, enter, leave, negative, octant);
+}
+
+// Siblings to visit. x: the first one's index; y: which slots are to be visited (8 bits) and which hold nodes (8 bits).
+const uvec2 ROOT = uvec2(0, 0x80000000u);
+
+// Visits the nearest node of `group` and leaves the others on the stack; `group` becomes those of its children that
+// the ray meets. Returns where its primitives begin and which of the 24 the ray may meet.
+uvec2 visit(BvhNodes nodes, NodeRay ray, float t_min, float t_max, inout uvec2 group, inout uint top)
+{
+    uint bit = findMSB(group.y);
+    group.y &= ~(1u << bit);
+    if (group.y > 0x00ffffffu) {
+        trace_stack[top] = group;
+        ++top;
+    }
+    uint slot = (bit - 24u) ^ ray.octant;
+    uint index = group.x + bitCount(group.y & 0xffu & ((1u << slot) - 1u));
+
+    uvec4 n0 = nodes.word[index * 5u];
+    uvec4 n1 = nodes.word[index * 5u + 1u];
+    uvec4 nx = nodes.word[index * 5u + 2u];
+    uvec4 ny = nodes.word[index * 5u + 3u];
+    uvec4 nz = nodes.word[index * 5u + 4u];
+    vec3 cell = uintBitsToFloat((uvec3(n0.w) << uvec3(23, 15, 7)) & 0x7f800000u) * ray.inverse;
+    vec3 corner = uintBitsToFloat(n0.xyz);
+    vec3 near = fma(corner, ray.inverse, ray.enter);
+    vec3 far = fma(corner, ray.inverse, ray.leave);
+    if (ray.negative.x) nx = nx.zwxy;
+    if (ray.negative.y) ny = ny.zwxy;
+    if (ray.negative.z) nz = nz.zwxy;
+
+    uint octant4 = ray.octant * 0x01010101u;
+    uint hits = 0u;
+    [[unroll]] for (uint four = 0u; four < 2u; four++) {
+        uint meta = n1[2u + four];
+        uint inner = (meta & (meta << 1)) & 0x10101010u;
+        uint bits = (meta ^ (octant4 & ((inner >> 4) * 0xffu))) & 0x1f1f1f1fu;
+        uint counts = (meta >> 5) & 0x07070707u;
+        uvec3 low = uvec3(nx[four], ny[four], nz[four]);
+        uvec3 high = uvec3(nx[2u + four], ny[2u + four], nz[2u + four]);
+        [[unroll]] for (uint shift = 0u; shift < 32u; shift += 8u) {
+            vec3 t0 = fma(vec3((low >> shift) & 0xffu), cell, near);
+            vec3 t1 = fma(vec3((high >> shift) & 0xffu), cell, far);
+            if (max(max(t0.x, t0.y), max(t0.z, t_min)) <= min(min(t1.x, t1.y), min(t1.z, t_max)))
+                hits |= ((counts >> shift) & 0xffu) << ((bits >> shift) & 0xffu);
+        }
+    }
+    group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
+    return uvec2(n1.y, hits & 0x00ffffffu);
+}
+
+// Whether anything is left to visit; if `group` is empty it comes from the stack.
+bool proceed(inout uvec2 group, inout uint top)
+{
+    if (group.y > 0x00ffffffu) return true;
+    if (top == 0u) return false;
+    --top;
+    group = trace_stack[top];
+    return true;
+}
+
+bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool any_hit, out Hit hit)
+{
+    BvhNodes nodes = BvhNodes(scene.bvh_nodes);
+    BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
+    RayFrame frame = ray_frame(direction);
+    NodeRay ray = node_ray(origin, direction);
 
     const uint none = 0xffffffffu;
     uint best = none;
-    uint base = gl_LocalInvocationIndex;
-    uint top = base;
-    // x: the first sibling's index; y: which slots are to be visited (8 bits) and which hold nodes (8 bits).
-    uvec2 group = uvec2(0, 0x80000000u);
-    while (true) {
-        uint bit = findMSB(group.y);
-        group.y &= ~(1u << bit);
-        if (group.y > 0x00ffffffu) {
-            trace_stack[top] = group;
-            top += TRACE_INVOCATIONS;
-        }
-        uint slot = (bit - 24u) ^ octant;
-        uint index = group.x + bitCount(group.y & 0xffu & ((1u << slot) - 1u));
-
-        uvec4 n0 = nodes.word[index * 5u];
-        uvec4 n1 = nodes.word[index * 5u + 1u];
-        uvec4 nx = nodes.word[index * 5u + 2u];
-        uvec4 ny = nodes.word[index * 5u + 3u];
-        uvec4 nz = nodes.word[index * 5u + 4u];
-        vec3 cell = uintBitsToFloat((uvec3(n0.w) << uvec3(23, 15, 7)) & 0x7f800000u) * inverse;
-        vec3 corner = uintBitsToFloat(n0.xyz);
-        vec3 near = fma(corner, inverse, enter);
-        vec3 far = fma(corner, inverse, leave);
-        if (negative.x) nx = nx.zwxy;
-        if (negative.y) ny = ny.zwxy;
-        if (negative.z) nz = nz.zwxy;
-
-        uint hits = 0u;
-        [[unroll]] for (uint four = 0u; four < 2u; four++) {
-            uint meta = n1[2u + four];
-            uint inner = (meta & (meta << 1)) & 0x10101010u;
-            uint bits = (meta ^ (octant4 & ((inner >> 4) * 0xffu))) & 0x1f1f1f1fu;
-            uint counts = (meta >> 5) & 0x07070707u;
-            uvec3 low = uvec3(nx[four], ny[four], nz[four]);
-            uvec3 high = uvec3(nx[2u + four], ny[2u + four], nz[2u + four]);
-            [[unroll]] for (uint shift = 0u; shift < 32u; shift += 8u) {
-                vec3 t0 = fma(vec3((low >> shift) & 0xffu), cell, near);
-                vec3 t1 = fma(vec3((high >> shift) & 0xffu), cell, far);
-                if (max(max(t0.x, t0.y), max(t0.z, t_min)) <= min(min(t1.x, t1.y), min(t1.z, t_max)))
-                    hits |= ((counts >> shift) & 0xffu) << ((bits >> shift) & 0xffu);
-            }
-        }
-
-        group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
-        hits &= 0x00ffffffu;
-        while (hits != 0u) {
-            uint at = uint(findMSB(hits));
-            hits &= ~(1u << at);
-            at = (n1.y + at) * 3u;
+    uint top = 0u;
+    uvec2 group = ROOT;
+    do {
+        uvec2 found = visit(nodes, ray, t_min, t_max, group, top);
+        while (found.y != 0u) {
+            uint at = uint(findMSB(found.y));
+            found.y &= ~(1u << at);
+            at = (found.x + at) * 3u;
             vec4 a = triangles.word[at];
             vec4 b = triangles.word[at + 1u];
             vec4 c = triangles.word[at + 2u];
@@ -168,13 +195,7 @@ bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool 
             t_max = t;
             best = at;
         }
-
-        if (group.y <= 0x00ffffffu) {
-            if (top == base) break;
-            top -= TRACE_INVOCATIONS;
-            group = trace_stack[top];
-        }
-    }
+    } while (proceed(group, top));
     if (best == none) return false;
 
     // Barycentrics are worked out again rather than kept in registers all along.

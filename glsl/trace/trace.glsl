@@ -4,6 +4,8 @@
 // bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit);
 // bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max);   true: something blocks
 //
+// The third function, trace_any_box, is in trace/boxes.glsl.
+//
 // Directions have any length but zero; t counts in it. A hit has t_min < t < t_max; t_max may be infinite.
 // Triangles are hit from both sides. Holes of alpha-masked surfaces are not hit, in either function; what is a
 // hole alpha_hole decides, which lib/surface.glsl defines.

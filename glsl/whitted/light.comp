@@ -1,32 +1,36 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper. Neighbours in the
-// list are neighbours in the picture, so their rays to the same source stay together.
-layout(local_size_x = 8, local_size_y = 16) in;
+// Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper. Where the list is
+// short a thread takes one point and a slice of the sources, and collect.comp adds them up; else it takes them all.
+// Neighbours in the list are neighbours in the picture, so their rays to the same source stay together.
+layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
 #include "whitted/reached.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 2, scalar) readonly buffer Length { uint points; } list;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
 layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
-layout(push_constant, scalar) uniform Params { uint capacity; uint first; uint last; float min_distance; } params;
+layout(set = 1, binding = 4, scalar) writeonly buffer Parts { vec3 data[]; } parts;
+layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint first; uint last; float min_distance; } params;
 
 #include "whitted/sources.glsl"
 
-shared vec3 parts[PARTS][POINTS];
-
 void main() {
-    uint part = gl_LocalInvocationID.y, column = gl_LocalInvocationID.x;
-    uint index = gl_WorkGroupID.x * POINTS + column;
-    bool inside = index < min(list.points, params.capacity);
+    uint index = gl_GlobalInvocationID.x, slice = gl_WorkGroupID.y;
+    uint listed = min(args.points, params.capacity);
+    uint last = min(params.last, source_count());
+    if (index >= listed || params.first >= last) return;
+    uint slices = (last - params.first + SLICE - 1u) / SLICE;
+    bool shared_out = listed * slices <= params.room;
+    if (slice >= (shared_out ? slices : 1u)) return;
     uint rays = 0u;
-    if (inside) parts[part][column] = irradiance_part(points.data[index].receiver, params.first, params.last, part, rays);
-    barrier();
-    if (inside && part == 0u) {
-        vec3 irradiance = points.data[index].irradiance;
-        for (uint i = 0u; i < PARTS; ++i) irradiance += parts[i][column];
-        points.data[index].irradiance = irradiance;
+    Receiver x = points.data[index].receiver;
+    if (shared_out) {
+        uint first = params.first + slice * SLICE;
+        parts.data[slice * listed + index] = irradiance_from(x, first, min(first + SLICE, last), params.min_distance, rays);
+    } else {
+        points.data[index].irradiance += irradiance_in_slices(x, params.first, last, params.min_distance, rays);
     }
     count_rays(COUNT_SPECULAR_LIGHT, rays);
 }

@@ -5,8 +5,8 @@
 #include "lib/receiver.glsl"
 
 const uint NO_POINT = 0xffffffffu;
-const uint POINTS = 8u; // of one workgroup of light.comp
-const uint PARTS = 16u;  // threads that share the light sources of a point
+const uint POINTS = 64u; // of one workgroup of light.comp
+const uint SLICE = 1u;   // lights and VPLs that one thread takes in a row
 
 struct Reached {
     Receiver receiver;

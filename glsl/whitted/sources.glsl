@@ -1,30 +1,42 @@
-// Irradiance from every PARTS-th of a range of all lights and VPLs, one shadow ray each. Expects `vpls`, `count` and
-// `params.min_distance`.
+// Irradiance from lights and VPLs in one order, the lights first, with a shadow ray each. Expects `vpls` and `count`.
 #ifndef WHITTED_SOURCES_GLSL
 #define WHITTED_SOURCES_GLSL
 
 #include "indirect/gather.glsl"
+#include "indirect/visibility.glsl"
 #include "trace/offset.glsl"
 #include "trace/trace.glsl"
 #include "whitted/direct.glsl"
 
-vec3 irradiance_part(Receiver x, uint first, uint last, uint part, inout uint rays) {
+uint source_count() { return scene.light_count + count.vpls; }
+
+vec3 irradiance_from(Receiver x, uint first, uint last, float min_distance, inout uint rays) {
     vec3 here = offset_origin(x.position, x.geometric_normal);
     vec3 sum = vec3(0.0);
-    last = min(last, scene.light_count + count.vpls);
-    for (uint k = first + part; k < last; k += PARTS) {
+    for (uint k = first; k < last; ++k) {
         vec3 arriving, from = here, to;
         if (k < scene.light_count) {
             arriving = unshadowed(LightArray(scene.lights)[k].at, x, to);
         } else {
             Vpl vpl = vpls.data[k - scene.light_count];
-            arriving = unshadowed(vpl, x, params.min_distance);
+            arriving = unshadowed(vpl, x, min_distance);
             from = offset_origin(vpl.position, vpl.normal);
             to = here;
         }
         if (arriving == vec3(0.0)) continue;
         ++rays;
-        if (!trace_any(from, to - from, 0.0, 1.0)) sum += arriving;
+        // One copy of trace_any where visibility is exact.
+        bool imperfect = VISIBILITY != VISIBILITY_EXACT && k >= scene.light_count;
+        if (!(imperfect ? occluded(from, to) : trace_any(from, to - from, 0.0, 1.0))) sum += arriving;
+    }
+    return sum;
+}
+
+// Always slice by slice, so that it does not show how many threads share the work.
+vec3 irradiance_in_slices(Receiver x, uint first, uint last, float min_distance, inout uint rays) {
+    vec3 sum = vec3(0.0);
+    for (; first < last; first += SLICE) {
+        sum += irradiance_from(x, first, min(first + SLICE, last), min_distance, rays);
     }
     return sum;
 }

@@ -13,12 +13,13 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "whitted/reached.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
-layout(set = 1, binding = 1, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
-layout(set = 1, binding = 2, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_emitted;
-layout(set = 1, binding = 4, r32ui) uniform writeonly uimage2D out_last;
-layout(set = 1, binding = 5, scalar) writeonly buffer Points { Reached data[]; } points;
-layout(set = 1, binding = 6, scalar) buffer Length { uint points; } list;
+layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
+layout(set = 1, binding = 2, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
+layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_emitted;
+layout(set = 1, binding = 5, r32ui) uniform writeonly uimage2D out_last;
+layout(set = 1, binding = 6, scalar) writeonly buffer Points { Reached data[]; } points;
+layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint y; uint z; uint points; } args;
 layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
 
 #include "whitted/sources.glsl"
@@ -62,10 +63,11 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, imageSize(hits)))) return;
-    Hit hit = unpack_hit(imageLoad(hits, pixel));
+    Hit hit;
     vec3 radiance = vec3(0.0);
     uint rays = 0u, last = NO_POINT;
-    if (hit.instance != NO_HIT) {
+    if (imageLoad(albedo, pixel).a != 0.0) {
+        hit = unpack_hit(imageLoad(hits, pixel));
         Surface surface = surface_at(hit);
         vec3 direction = -direction_to_camera(surface.position);
         bool front = face(surface, -direction);
@@ -84,17 +86,17 @@ void main() {
         vec3 reflected = throughput * diffuse_share(surface.material, cos_i, front) / PI;
         if (reflected != vec3(0.0)) {
             // Where in the list a point lies never shows: each pixel sums its own in its own order.
-            uint index = atomicAdd(list.points, 1u);
+            uint index = atomicAdd(args.points, 1u);
             if (index < params.capacity) {
                 points.data[index] = Reached(receiver_at(surface), reflected, vec3(0.0), last);
                 last = index;
+                atomicMax(args.groups, index / POINTS + 1u);
             } else {
                 // In the order of light.comp.
                 vec3 irradiance = vec3(0.0);
-                for (uint first = 0u; first < scene.light_count + count.vpls; first += params.range) {
-                    for (uint part = 0u; part < PARTS; ++part) {
-                        irradiance += irradiance_part(receiver_at(surface), first, first + params.range, part, rays);
-                    }
+                for (uint first = 0u; first < source_count(); first += params.range) {
+                    uint end = min(first + params.range, source_count());
+                    irradiance += irradiance_in_slices(receiver_at(surface), first, end, params.min_distance, rays);
                 }
                 radiance += reflected * irradiance;
             }

@@ -1,10 +1,11 @@
-//! Brute force in 64 bits over every triangle: the oracle that the backends are tested against.
+//! Brute force: the oracle that the backends are tested against. Cost: one test a triangle and ray.
 //!
-//! Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997). Cost: one test a triangle
-//! and ray.
+//! Triangles in 64 bits: Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection" (1997). Boxes in 32,
+//! operation for operation as `glsl/trace/box.glsl`.
 
+use super::boxes::{Bounds, Boxes};
 use super::{Geometry, WorldTriangle};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 /// A ray as kernels pass it to `trace_closest`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +86,77 @@ impl BruteForce {
     /// without area and triangles parallel to the ray are crossed nowhere.
     pub fn crossings<'a>(&'a self, ray: &'a Ray) -> impl Iterator<Item = Crossing> + 'a {
         self.triangles.iter().filter_map(|triangle| crossing(ray, triangle))
+    }
+}
+
+/// The boxes of a scene, each tested against each ray.
+#[derive(Clone, Debug)]
+pub struct BoxBruteForce {
+    boxes: Boxes,
+    ray_epsilon: f32,
+}
+
+impl BoxBruteForce {
+    /// Takes boxes, with planes for the visibility `boxes-plane`, and the scene's
+    /// [`ray_epsilon`](Geometry::ray_epsilon).
+    #[must_use]
+    pub fn new(boxes: Boxes, ray_epsilon: f32) -> Self {
+        Self { boxes, ray_epsilon }
+    }
+
+    /// Whether any box blocks the ray between its ends.
+    #[must_use]
+    pub fn any(&self, ray: &Ray) -> bool {
+        let segment = Segment::new(ray);
+        let planes = self.boxes.planes.iter().map(Some).chain(std::iter::repeat(None));
+        self.boxes.bounds.iter().zip(planes).any(|(bounds, plane)| {
+            segment.passage(bounds).is_some_and(|passage| {
+                let flat = (bounds.high - bounds.low).min_element() <= 4.0 * self.ray_epsilon;
+                plane.is_none_or(|&plane| flat || segment.crosses(passage, plane.into()))
+            })
+        })
+    }
+}
+
+struct Segment {
+    origin: Vec3,
+    direction: Vec3,
+    inverse: Vec3,
+    start: Vec3,
+    end: Vec3,
+}
+
+impl Segment {
+    fn new(ray: &Ray) -> Self {
+        let tiny = ray.direction.abs().max_element() * (-60.0_f32).exp2();
+        let tiny_like = |d: f32| if d < 0.0 { -tiny } else { tiny };
+        let direction = ray.direction.map(|d| if d.abs() < tiny { tiny_like(d) } else { d });
+        Self {
+            origin: ray.origin,
+            direction,
+            inverse: 1.0 / direction,
+            start: ray.origin + ray.t_min * direction,
+            end: ray.origin + ray.t_max * direction,
+        }
+    }
+
+    /// Where the line enters and leaves a box that blocks the segment.
+    fn passage(&self, bounds: &Bounds) -> Option<[f32; 2]> {
+        let a = (bounds.low - self.origin) * self.inverse;
+        let b = (bounds.high - self.origin) * self.inverse;
+        let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+        let (low, high) = (self.start.min(self.end), self.start.max(self.end));
+        let beside = low.cmpgt(bounds.high).any() || high.cmplt(bounds.low).any();
+        let ends = bounds.holds(self.start) || bounds.holds(self.end);
+        (enter <= leave && !beside && !ends).then_some([enter, leave])
+    }
+
+    fn crosses(&self, passage: [f32; 2], plane: Vec4) -> bool {
+        let [enters_below, leaves_below] = passage.map(|t| {
+            let p = self.origin + t * self.direction;
+            plane.x * p.x + plane.y * p.y + plane.z * p.z < plane.w
+        });
+        enters_below != leaves_below
     }
 }
 

@@ -1,8 +1,9 @@
 //! Structures the driver builds: a compacted bottom level a mesh range, a top level over their placements.
 //! `glsl/trace/ray_query.glsl` reads the ids back.
 
+use super::boxes::{Bounds, Boxes};
 use super::{Error, Geometry, MeshRange, StructureReport};
-use crate::vk::accel::{Instance, Triangles};
+use crate::vk::accel::{BuildReport, Input, Instance, Triangles};
 use crate::vk::{self, AccelerationStructure};
 use ash::vk::GeometryInstanceFlagsKHR;
 
@@ -46,9 +47,9 @@ impl Hardware {
             [opaque, masked].into_iter().filter(|part| part.triangle_count > 0).collect::<Vec<_>>()
         };
         let meshes: Vec<Vec<Triangles>> = geometry.meshes.iter().map(parts).collect();
-        let filled: Vec<&[Triangles]> =
-            meshes.iter().filter(|mesh| !mesh.is_empty()).map(Vec::as_slice).collect();
-        let (bottom, bottom_report) = device.build_triangle_structures("blas", &filled)?;
+        let filled: Vec<Input<'_>> =
+            meshes.iter().filter(|mesh| !mesh.is_empty()).map(|mesh| Input::Triangles(mesh)).collect();
+        let (bottom, bottom_report) = device.build_bottom_structures("blas", &filled)?;
 
         let mut built = bottom.iter();
         let addresses: Vec<Option<u64>> = meshes
@@ -83,6 +84,65 @@ impl Hardware {
             },
             StructureReport {
                 name: "tlas".into(),
+                build_ms: top_report.milliseconds,
+                bytes: top_report.bytes,
+                primitives: instances.len() as u64,
+            },
+        ];
+        Ok((Self { top, _bottom: bottom }, reports))
+    }
+}
+
+/// How far (in ray epsilons, each eight units of 2⁻²⁴ of the scene's largest coordinate) the boxes that the driver
+/// sees stand out: a driver's test may subtract the origin, multiply by a rounded inverse and take a quantised
+/// parent's word first, each a few such units, and flat boxes must be found as well. More costs candidates that the
+/// kernel then refuses.
+const PADDING: f32 = 8.0;
+
+/// Structures over boxes: the driver finds candidates, `glsl/trace/boxes.glsl` decides.
+#[derive(Debug)]
+pub(super) struct HardwareBoxes {
+    pub(super) top: AccelerationStructure,
+    _bottom: Vec<AccelerationStructure>,
+}
+
+impl HardwareBoxes {
+    pub(super) fn build(
+        device: &vk::Device,
+        boxes: &Boxes,
+        ray_epsilon: f32,
+    ) -> Result<(Self, [StructureReport; 2]), Error> {
+        super::at_most("bounding boxes", boxes.bounds.len() as u64, u32::MAX.into())?;
+        let padding = PADDING * ray_epsilon;
+        let pad = |b: &Bounds| Bounds { low: b.low - padding, high: b.high + padding };
+        let padded: Vec<Bounds> = boxes.bounds.iter().map(pad).collect();
+        let (mut bottom, mut bottom_report) = (Vec::new(), BuildReport::default());
+        if !padded.is_empty() {
+            let buffer = device.upload("boxes.blas.input", bytemuck::cast_slice(&padded))?;
+            let input = Input::Boxes { address: buffer.address(), count: padded.len() as u32 };
+            (bottom, bottom_report) = device.build_bottom_structures("boxes.blas", &[input])?;
+        }
+        let instances: Vec<Instance> = bottom
+            .iter()
+            .map(|structure| Instance {
+                transform: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+                custom_index: 0,
+                record_offset: 0,
+                mask: 0xff,
+                flags: GeometryInstanceFlagsKHR::empty(),
+                structure: structure.address(),
+            })
+            .collect();
+        let (top, top_report) = device.build_instance_structure("boxes.tlas", &instances)?;
+        let reports = [
+            StructureReport {
+                name: "boxes-blas".into(),
+                build_ms: bottom_report.milliseconds,
+                bytes: bottom_report.bytes,
+                primitives: padded.len() as u64,
+            },
+            StructureReport {
+                name: "boxes-tlas".into(),
                 build_ms: top_report.milliseconds,
                 bytes: top_report.bytes,
                 primitives: instances.len() as u64,

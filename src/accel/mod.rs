@@ -10,6 +10,7 @@
 //! always belong to the vertices in the file's order; whoever needs the front side asks the sign of the
 //! determinant.
 
+pub mod boxes;
 pub mod cpu;
 mod hardware;
 pub mod software;

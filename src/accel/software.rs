@@ -8,6 +8,7 @@
 //!
 //! Instances are flattened: 48 bytes a triangle and about 25 of nodes.
 
+use super::boxes::{Bounds, Boxes};
 use super::{Error, Geometry, WorldTriangle};
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -17,6 +18,8 @@ use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
+use obvhs::splits::split_aabbs_precise;
+use obvhs::triangle::Triangle;
 
 /// The deepest stack a kernel may ask for: with 64 invocations 12 KiB of the 16 KiB of shared memory that
 /// every device has.
@@ -61,12 +64,13 @@ pub struct SoftwareBvh {
 }
 
 impl SoftwareBvh {
-    /// Builds the structure over all world triangles, deterministically and on the calling thread.
+    /// Builds the structure over all world triangles, deterministically and on the calling thread. With `split`,
+    /// large slanted triangles lie in several leaves: fewer rays meet their boxes, and their own boxes are lost.
     ///
     /// # Errors
     /// [`Error::TooLarge`] if the buffers would take more than `available_bytes`, [`Error::TooMany`] past 2²⁸
     /// triangles.
-    pub fn build(geometry: &Geometry, available_bytes: u64) -> Result<Self, Error> {
+    pub fn build(geometry: &Geometry, split: bool, available_bytes: u64) -> Result<Self, Error> {
         let count = geometry.world_triangle_count();
         super::at_most("triangles with all instances counted", count, MAX_TRIANGLES)?;
         let too_large = |bytes| Error::TooLarge { triangles: count, bytes, available: available_bytes };
@@ -78,18 +82,12 @@ impl SoftwareBvh {
         // A placement can flatten triangles that had area.
         let triangles: Vec<WorldTriangle> =
             geometry.world_triangles().filter(|triangle| super::has_area(triangle.vertices)).collect();
-        let boxes: Vec<Aabb> =
+        let mut boxes: Vec<Aabb> =
             triangles.iter().map(|triangle| Aabb::from_points(&triangle.vertices.map(Vec3A::from))).collect();
-        let mut tree = collapse(&binary_tree(&boxes, SAH_DEPTH, REINSERTIONS));
-        let mut stack_depth = depth(&tree.nodes);
-        if stack_depth > MAX_STACK_DEPTH {
-            tree = collapse(&binary_tree(&boxes, 0, 0.0));
-            stack_depth = depth(&tree.nodes);
-        }
-        super::at_most("levels of nodes", stack_depth.into(), MAX_STACK_DEPTH.into())?;
-        requantise(&mut tree, &boxes);
-
-        let triangles = tree.primitive_indices.iter().map(|&index| leaf_triangle(&triangles[index as usize]));
+        let of = if split { pre_split(&triangles, &mut boxes) } else { (0..boxes.len() as u32).collect() };
+        let (tree, stack_depth) = wide_tree(&boxes)?;
+        let triangle = |piece: &u32| leaf_triangle(&triangles[of[*piece as usize] as usize]);
+        let triangles = tree.primitive_indices.iter().map(triangle);
         let bvh = Self { triangles: triangles.collect(), nodes: tree.nodes, stack_depth };
         if bvh.bytes() > available_bytes { Err(too_large(bvh.bytes())) } else { Ok(bvh) }
     }
@@ -111,6 +109,75 @@ impl SoftwareBvh {
     pub fn triangle_bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.triangles)
     }
+}
+
+/// Nodes over triangles' bounding boxes, ready for the device: 24 bytes a box, 16 more with planes, and about 25
+/// of nodes.
+#[derive(Clone, Debug)]
+pub struct SoftwareBoxes {
+    /// Nodes, the root first; a child comes after its parent.
+    pub nodes: Vec<CwBvhNode>,
+    /// Boxes in leaf order, planes with them if there are any.
+    pub boxes: Boxes,
+    /// What kernels must set `STACK_DEPTH` to: no traversal holds more entries.
+    pub stack_depth: u32,
+}
+
+impl SoftwareBoxes {
+    /// Builds the structure, deterministically and on the calling thread.
+    ///
+    /// # Errors
+    /// [`Error::TooMany`] past 2²⁸ boxes.
+    pub fn build(boxes: &Boxes) -> Result<Self, Error> {
+        super::at_most("bounding boxes", boxes.bounds.len() as u64, MAX_TRIANGLES)?;
+        let aabb = |bounds: &Bounds| Aabb::new(bounds.low.into(), bounds.high.into());
+        let (tree, stack_depth) = wide_tree(&boxes.bounds.iter().map(aabb).collect::<Vec<_>>())?;
+        let order = || tree.primitive_indices.iter().map(|&index| index as usize);
+        let sorted = Boxes {
+            bounds: order().map(|index| boxes.bounds[index]).collect(),
+            planes: order().filter_map(|index| boxes.planes.get(index).copied()).collect(),
+        };
+        Ok(Self { nodes: tree.nodes, boxes: sorted, stack_depth })
+    }
+
+    /// What `SceneData::box_nodes` points to; 16-byte alignment.
+    #[must_use]
+    pub fn node_bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.nodes)
+    }
+}
+
+/// The eight-wide tree over boxes, and its levels of nodes.
+fn wide_tree(boxes: &[Aabb]) -> Result<(CwBvh, u32), Error> {
+    let mut tree = collapse(&binary_tree(boxes, SAH_DEPTH, REINSERTIONS));
+    let mut stack_depth = depth(&tree.nodes);
+    if stack_depth > MAX_STACK_DEPTH {
+        tree = collapse(&binary_tree(boxes, 0, 0.0));
+        stack_depth = depth(&tree.nodes);
+    }
+    super::at_most("levels of nodes", stack_depth.into(), MAX_STACK_DEPTH.into())?;
+    requantise(&mut tree, boxes);
+    Ok((tree, stack_depth))
+}
+
+/// Replaces the boxes of large triangles by several of their pieces (Ernst and Greiner 2007) where those are together
+/// much smaller, and returns the triangle of each box. A box is split while its area is above average and its halves
+/// have less than 1/1.5 of it (1/1.4 below twice the average), so there are never more than five times as many. On an
+/// H100 this takes 15 % off scattered rays in the Conference room, which gets 17 % more boxes; splitting more, or
+/// only the largest, gains less.
+fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
+    let mut of: Vec<u32> = (0..boxes.len() as u32).collect();
+    let areas = || boxes.iter().map(Aabb::half_area);
+    let largest = areas().fold(0.0, f32::max);
+    let average = areas().sum::<f32>() / boxes.len().max(1) as f32;
+    let high = (2.0 * average).max(0.9 * average + 0.1 * largest);
+    if high.is_finite() {
+        let corner = |triangle: &WorldTriangle, i: usize| Vec3A::from(triangle.vertices[i]);
+        let corners = |t: &WorldTriangle| Triangle { v0: corner(t, 0), v1: corner(t, 1), v2: corner(t, 2) };
+        let triangles: Vec<Triangle> = triangles.iter().map(corners).collect();
+        split_aabbs_precise(boxes, &mut of, &triangles, average, high, 1.5, 1.4, 12, 12);
+    }
+    of
 }
 
 fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
@@ -332,13 +399,14 @@ mod tests {
         }
     }
 
-    /// Every leaf's triangles lie in all decoded boxes above it, but for the rounding of 64 bits at the largest
-    /// coordinate (kernels allow for 32), and every triangle is in one leaf.
-    fn check(bvh: &SoftwareBvh, triangles: usize) {
-        let mut seen = vec![0; triangles];
+    /// Every point of a triangle lies in all decoded boxes above a leaf that holds it, but for the rounding of 64 bits
+    /// at the largest coordinate (kernels allow for 32; what splitting rounds is of 32 bits). Unsplit, a triangle is
+    /// in one leaf.
+    fn check(bvh: &SoftwareBvh, triangles: usize, split: bool) {
+        let mut leaves = vec![Vec::<(LeafTriangle, Vec<[[f64; 2]; 3]>)>::new(); triangles];
         let coordinates = bvh.triangles.iter().flat_map(|t| [t.a, t.b, t.c]).flatten();
-        let rounding =
-            2.0 * f64::EPSILON * f64::from(coordinates.fold(0.0, |largest: f32, c| largest.max(c.abs())));
+        let epsilon = if split { 4.0 * f64::from(f32::EPSILON) } else { 2.0 * f64::EPSILON };
+        let rounding = epsilon * f64::from(coordinates.fold(0.0, |largest: f32, c| largest.max(c.abs())));
         let mut stack = vec![(0, Vec::<[[f64; 2]; 3]>::new(), 1)];
         while let Some((index, boxes, level)) = stack.pop() {
             assert!(level <= bvh.stack_depth);
@@ -360,20 +428,28 @@ mod tests {
                 }
                 let (first, count) = node.child_primitives(slot);
                 for triangle in &bvh.triangles[first as usize..(first + count) as usize] {
-                    seen[triangle.primitive as usize] += 1;
-                    for vertex in [triangle.a, triangle.b, triangle.c] {
-                        for (axis, coordinate) in vertex.into_iter().enumerate() {
-                            let within = |b: &[[f64; 2]; 3]| {
-                                let [low, high] = b[axis];
-                                (low - rounding..=high + rounding).contains(&f64::from(coordinate))
-                            };
-                            assert!(inside.iter().all(within), "{coordinate} is outside a box");
-                        }
-                    }
+                    leaves[triangle.primitive as usize].push((*triangle, inside.clone()));
                 }
             }
         }
-        assert!(seen.iter().all(|&times| times == 1));
+        for leaves in &leaves {
+            assert!(if split { !leaves.is_empty() } else { leaves.len() == 1 });
+            let [a, b, c] = [leaves[0].0.a, leaves[0].0.b, leaves[0].0.c].map(|v| v.map(f64::from));
+            for (i, j) in
+                (0..=4).flat_map(|i| (0..=4 - i).map(move |j| (f64::from(i) / 4.0, f64::from(j) / 4.0)))
+            {
+                let point: [f64; 3] =
+                    std::array::from_fn(|axis| (1.0 - i - j) * a[axis] + i * b[axis] + j * c[axis]);
+                let holds = |boxes: &Vec<[[f64; 2]; 3]>| {
+                    boxes.iter().all(|b| {
+                        b.iter()
+                            .zip(point)
+                            .all(|([low, high], p)| (low - rounding..=high + rounding).contains(&p))
+                    })
+                };
+                assert!(leaves.iter().any(|(_, boxes)| holds(boxes)), "{point:?} is outside its boxes");
+            }
+        }
     }
 
     fn coordinate() -> impl Strategy<Value = f32> {
@@ -393,16 +469,30 @@ mod tests {
                 .map(|c| [vec3(c[0], c[1], c[2]), vec3(c[3], c[4], c[5]), vec3(c[6], c[7], c[8])])
                 .filter(|&t| crate::accel::has_area(t))
                 .collect();
-            let bvh = SoftwareBvh::build(&geometry(&triangles), u64::MAX).unwrap();
-            check(&bvh, triangles.len());
+            for split in [false, true] {
+                let bvh = SoftwareBvh::build(&geometry(&triangles), split, u64::MAX).unwrap();
+                check(&bvh, triangles.len(), split);
+                prop_assert!(bvh.triangles.len() <= 5 * triangles.len());
+            }
         }
     }
 
     #[test]
     fn an_empty_scene_has_a_root_without_children() {
-        let bvh = SoftwareBvh::build(&Geometry::default(), u64::MAX).unwrap();
+        let bvh = SoftwareBvh::build(&Geometry::default(), true, u64::MAX).unwrap();
         assert_eq!((bvh.nodes.len(), bvh.triangles.len(), bvh.stack_depth), (1, 0, 1));
-        check(&bvh, 0);
+        check(&bvh, 0, true);
+    }
+
+    #[test]
+    fn a_long_slanted_triangle_is_split_and_small_ones_are_not() {
+        let mut triangles = vec![[Vec3::ZERO, vec3(10.0, 10.0, 0.0), vec3(10.0, 10.0, 1.0)]];
+        triangles.extend((0..99).map(|i| [0.0, 0.1, 0.2].map(|x| vec3(i as f32 + x, x * x, 1.0 - x))));
+        let bvh = SoftwareBvh::build(&geometry(&triangles), true, u64::MAX).unwrap();
+        check(&bvh, triangles.len(), true);
+        let leaves = |primitive| bvh.triangles.iter().filter(|t| t.primitive == primitive).count();
+        assert!(leaves(0) > 4);
+        assert!((1..100).all(|primitive| leaves(primitive) == 1));
     }
 
     #[test]
@@ -421,9 +511,9 @@ mod tests {
             .collect();
         let halved = collapse(&binary_tree(&boxes, 0, 0.0));
         assert!(depth(&halved.nodes) <= 7, "log₂ 120 rounded up");
-        let bvh = SoftwareBvh::build(&geometry, u64::MAX).unwrap();
+        let bvh = SoftwareBvh::build(&geometry, false, u64::MAX).unwrap();
         assert!(bvh.stack_depth <= MAX_STACK_DEPTH);
-        check(&bvh, triangles.len());
+        check(&bvh, triangles.len(), false);
     }
 
     #[test]
@@ -435,7 +525,7 @@ mod tests {
             })
             .collect();
         let geometry = geometry(&triangles);
-        let [a, b] = [0; 2].map(|_| SoftwareBvh::build(&geometry, u64::MAX).unwrap());
+        let [a, b] = [0; 2].map(|_| SoftwareBvh::build(&geometry, false, u64::MAX).unwrap());
         assert_eq!(a.node_bytes(), b.node_bytes());
         assert_eq!(a.triangle_bytes(), b.triangle_bytes());
     }

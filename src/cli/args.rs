@@ -1,9 +1,10 @@
 //! What can be said on the command line.
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
-use parhelion::config::Method;
+use parhelion::config::{Method, PRESETS, Preset};
 use parhelion::renderer::{Aov, BackendChoice};
+use parhelion::techniques::indirect::Visibility;
 use parhelion::vk::Backend;
 use std::path::PathBuf;
 
@@ -19,34 +20,23 @@ pub(super) struct Cli {
 pub(super) enum Command {
     /// Render a scene to pictures.
     Render(Box<Render>),
+    /// Repeat the paper's experiment on a scene: its four approaches at 30, 90 and 180 VPLs, and ours; times,
+    /// errors, pictures.
+    Paper(Box<Paper>),
     /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
     Doctor(Doctor),
     /// Show the render graph of a frame, without rendering it.
     Graph(Graph),
 }
 
+/// What every command that renders is asked.
 #[derive(clap::Args)]
-pub(super) struct Render {
+pub(super) struct Common {
     /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
     pub(super) scene: Option<PathBuf>,
-    /// Picture to write, .exr (linear radiance) or .png (tone mapped); repeatable [default: SCENE.png].
-    #[arg(short, long = "output", value_name = "FILE")]
-    pub(super) output: Vec<PathBuf>,
     /// Width and height in pixels, each 1 to 16384 [default: 800x600].
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = size)]
     pub(super) size: Option<[u32; 2]>,
-    /// How light is computed [default: igi].
-    #[arg(long, value_parser = methods())]
-    pub(super) method: Option<String>,
-    /// Virtual point lights: more is smoother and slower, in proportion [default: 180].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) vpls: Option<u32>,
-    /// Indirect bounces: fewer lose light [default: 3].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) bounces: Option<u32>,
-    /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
-    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = distance)]
-    pub(super) min_distance: Option<f32>,
     /// Camera of the scene, by name or index [default: the first].
     #[arg(long, value_name = "NAME|INDEX")]
     pub(super) camera: Option<String>,
@@ -59,37 +49,95 @@ pub(super) struct Render {
     /// Its vertical field of view (degrees) [default: 45].
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
     pub(super) fov: Option<f32>,
-    /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
-    #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
-    pub(super) exposure: Option<String>,
-    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth.
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
-    pub(super) aov: Vec<Aov>,
-    /// What traces rays: auto chooses by device, measure by timing this scene.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) backend: BackendWord,
-    /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) pixel_samples: Option<u32>,
     /// Which of the file's scenes [default: the file's own].
     #[arg(long = "scene", value_name = "NAME|INDEX")]
     pub(super) which: Option<String>,
     /// Leave a scene without lights dark; otherwise one is put at the camera.
     #[arg(long)]
     pub(super) no_headlight: bool,
+    /// Vulkan device [default: the best; `parhelion doctor` lists them].
+    #[arg(long, value_name = "INDEX|NAME|UUID")]
+    pub(super) device: Option<String>,
+    /// What traces rays: auto chooses by device, measure by timing this scene.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) backend: BackendWord,
+    /// Which of the equally good sample sets [default: 0].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) seed: Option<u32>,
+    /// Print errors only.
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(super) quiet: bool,
+    /// Log more; twice for everything.
+    #[arg(short, long, action = ArgAction::Count)]
+    pub(super) verbose: u8,
+    /// How progress is shown on stderr: auto is a bar on a terminal, json one object a line.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) progress: ProgressWord,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Render {
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// Picture to write, .exr (linear radiance) or .png (tone mapped); repeatable [default: SCENE.png].
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub(super) output: Vec<PathBuf>,
+    /// How light is computed [default: igi].
+    #[arg(long, value_parser = methods())]
+    pub(super) method: Option<String>,
+    /// Virtual point lights: more is smoother and slower, in proportion [default: 180].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) vpls: Option<u32>,
+    /// Indirect bounces: fewer lose light [default: 3].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) bounces: Option<u32>,
+    /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = distance)]
+    pub(super) min_distance: Option<f32>,
+    /// Settings under one name; -D and options of their own win over it.
+    #[arg(long, value_name = "NAME", value_parser = presets())]
+    pub(super) preset: Option<String>,
+    /// Gather indirect light at one pixel in NxN [default: 1, every pixel].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) downsample: Option<u32>,
+    /// How the others get theirs: by distance and normal as in the paper, or only from the same plane, with what
+    /// fits nowhere gathered by itself [default: paper].
+    #[arg(long, value_parser = ["paper", "plane"])]
+    pub(super) upsample: Option<String>,
+    /// Split the VPLs over tiles of NxN neighbours, N from 1 to 3 [default: 1, all VPLs at each].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) interleave: Option<u32>,
+    /// The same order in every tile, or another in each [default: regular].
+    #[arg(long, value_parser = ["regular", "irregular"])]
+    pub(super) pattern: Option<String>,
+    /// What hides tiles and windows: the paper's two filters, or one that averages each subset by itself
+    /// [default: paper].
+    #[arg(long, value_parser = ["paper", "combined"])]
+    pub(super) filter: Option<String>,
+    /// What blocks light from virtual lights: triangles, or their bounding boxes, cheaper and less exact [default:
+    /// exact].
+    #[arg(long, value_parser = visibilities())]
+    pub(super) visibility: Option<String>,
+    /// Split triangles until no edge of a box is longer (metres), for --visibility boxes and boxes-plane [default:
+    /// no triangle is split].
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = number)]
+    pub(super) box_split: Option<f32>,
+    /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
+    #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
+    pub(super) exposure: Option<String>,
+    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth.
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
+    pub(super) aov: Vec<Aov>,
+    /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) pixel_samples: Option<u32>,
     /// Settings from a file; options given here win over it.
     #[arg(long, value_name = "FILE.toml")]
     pub(super) config: Option<PathBuf>,
     /// One setting by its key, such as vpl_shoot.vpls=90; repeatable, wins over --config.
     #[arg(short = 'D', value_name = "KEY=VALUE")]
     pub(super) define: Vec<String>,
-    /// Vulkan device [default: the best; `parhelion doctor` lists them].
-    #[arg(long, value_name = "INDEX|NAME|UUID")]
-    pub(super) device: Option<String>,
-    /// Which of the equally good sample sets [default: 0].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) seed: Option<u32>,
-    /// Render N times after one to warm up, and report medians.
+    /// Render N times after warming up, and report medians.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(super) repeat: Option<u32>,
     /// Render only this part (pixels from the top left, ends exclusive), equal to the whole bit for bit.
@@ -104,15 +152,18 @@ pub(super) struct Render {
     /// Print what this scene does not need and is left out, and why.
     #[arg(long)]
     pub(super) explain: bool,
-    /// Print errors only.
-    #[arg(short, long, conflicts_with = "verbose")]
-    pub(super) quiet: bool,
-    /// Log more; twice for everything.
-    #[arg(short, long, action = ArgAction::Count)]
-    pub(super) verbose: u8,
-    /// How progress is shown on stderr: auto is a bar on a terminal, json one object a line.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) progress: ProgressWord,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Paper {
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// Folder for paper.md, paper.json and pictures, made where it is missing [default: SCENE-paper].
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+    /// Render each N times after warming up, and report medians; 0 renders once [default: 10, on a CPU 0].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub(super) repeat: Option<u32>,
 }
 
 #[derive(clap::Args)]
@@ -165,6 +216,15 @@ pub(super) enum ProgressWord {
 
 fn methods() -> PossibleValuesParser {
     PossibleValuesParser::new(Method::ALL.iter().map(|method| method.name()))
+}
+
+fn presets() -> PossibleValuesParser {
+    let value = |preset: &Preset| PossibleValue::new(preset.name).help(preset.about);
+    PossibleValuesParser::new(PRESETS.iter().map(value))
+}
+
+fn visibilities() -> PossibleValuesParser {
+    PossibleValuesParser::new(Visibility::ALL.iter().map(|visibility| visibility.name()))
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -242,6 +302,7 @@ mod tests {
             ("--method", config.method.name().into()),
             ("--vpls", config.vpl_shoot.vpls.to_string()),
             ("--bounces", config.vpl_shoot.bounces.to_string()),
+            ("--visibility", config.indirect.visibility.name().into()),
             ("--pixel-samples", config.pixel_samples.to_string()),
             ("--seed", config.seed.to_string()),
         ] {

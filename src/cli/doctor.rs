@@ -90,7 +90,8 @@ fn trace(report: &mut Report) -> Result<(), Failure> {
     report.timing = cached_timing(&report.info);
     let backends = [Backend::Software, Backend::RayQuery];
     for backend in backends.into_iter().filter(|b| *b == Backend::Software || report.info.ray_query) {
-        let options = RendererOptions { backend: BackendChoice::Force(backend) };
+        let options =
+            RendererOptions { backend: BackendChoice::Force(backend), ..RendererOptions::default() };
         let mut renderer = Renderer::new(&device, wall(), &options)?;
         let camera = Camera::look_at("doctor", Vec3::ZERO, Vec3::NEG_Z, 1.0);
         let config = RenderConfig { size: [1, 1], ..RenderConfig::default() };

@@ -4,8 +4,10 @@ mod args;
 mod doctor;
 mod graph;
 mod interrupt;
+mod paper;
 mod progress;
 mod render;
+mod scene;
 mod settings;
 mod stats;
 mod table;
@@ -13,7 +15,7 @@ mod table;
 use clap::Parser;
 use parhelion::config::ConfigError;
 use parhelion::renderer;
-use parhelion::scene::{self, LoadOptions, Scene, SceneError, builtin};
+use parhelion::scene::{LoadOptions, Scene, SceneError, builtin};
 use parhelion::{output, vk};
 use std::ffi::OsStr;
 use std::io::{self, Write};
@@ -79,6 +81,7 @@ impl From<io::Error> for Failure {
 pub(crate) fn main() -> ExitCode {
     let run = || match args::Cli::parse().command {
         args::Command::Render(args) => render::run(&args),
+        args::Command::Paper(args) => paper::run(&args),
         args::Command::Doctor(args) => doctor::run(&args),
         args::Command::Graph(args) => graph::run(&args),
     };
@@ -106,7 +109,7 @@ fn print(text: &str) -> Result<(), Failure> {
 fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
     let path = scene.unwrap_or(Path::new(&default));
-    Ok(scene::load(path, &LoadOptions { scene: which })?)
+    Ok(parhelion::scene::load(path, &LoadOptions { scene: which })?)
 }
 
 /// A file name's extension in lower case.

@@ -5,45 +5,37 @@ use super::progress::Reporter;
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{Failure, extension, input, interrupt, load, print};
-use glam::Vec3;
+use super::{Failure, extension, input, interrupt, print, scene};
 use parhelion::config::RenderConfig;
 use parhelion::output::{self, Attribute, Channels, Picture};
 use parhelion::renderer::{self, Aov, Frame, FrameRequest, Layer, Renderer, RendererOptions};
-use parhelion::scene::{Camera, Scene, SceneProfile, builtin};
+use parhelion::scene::SceneProfile;
+use parhelion::techniques::tone_map::OPERATOR;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-
-/// The operator, as the tone mapping technique names it.
-const OPERATOR: &str = "Khronos PBR Neutral";
 
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let config = settings(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
-    let reporter = Reporter::new(args);
+    let reporter = Reporter::new(&args.common);
 
-    let name = args.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string());
-    reporter.stage("load", &name);
-    let mut scene = load(args.scene.as_deref(), args.which.clone())?;
-    let camera = camera(args, &scene)?;
-    if scene.lights.is_empty() && !args.no_headlight {
-        scene.add_headlight(&camera);
-    }
-    scene.notes.iter().for_each(|note| reporter.note(note));
+    let name = scene::name(&args.common);
+    let (scene, camera) = scene::load(&args.common, &reporter)?;
     let roughness = config.whitted.mirror_roughness;
     let profile = SceneProfile::of(&scene, roughness);
     if profile.rough_lobes {
         reporter.note(&format!("specular lobes rougher than {roughness} are left out"));
     }
 
-    let select = args.device.clone();
+    let select = args.common.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
     reporter.stage("build", &name);
-    let options = RendererOptions { backend: args.backend.into() };
+    let options =
+        RendererOptions { backend: args.common.backend.into(), visibility: config.indirect.visibility };
     let mut renderer = Renderer::new(&device, scene, &options)?;
 
     reporter.stage("render", &name);
@@ -64,6 +56,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     if args.explain {
         for line in profile.explain() {
             let _ = writeln!(report, "left out: {line}");
+        }
+        if config.indirect.boxes().is_none() {
+            let visibility = config.indirect.visibility.name();
+            let _ = writeln!(report, "left out: visibility {visibility}: no structure over triangles' boxes");
         }
     }
     report.push_str(&table(&frame));
@@ -96,17 +92,14 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let _ = writeln!(report, "{}: statistics", file.display());
     }
     drop(reporter);
-    if args.quiet { Ok(()) } else { print(&report) }
+    if args.common.quiet { Ok(()) } else { print(&report) }
 }
 
 /// Every picture to write, known to be writable before anything is computed.
 fn outputs(args: &Render) -> Result<Vec<PathBuf>, Failure> {
     let mut pictures = args.output.clone();
     if pictures.is_empty() {
-        let scene = args.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
-        let builtin = scene.to_str().and_then(|name| name.strip_prefix("builtin:")).map(PathBuf::from);
-        let scene = builtin.as_deref().unwrap_or(scene);
-        let mut name = scene.file_stem().unwrap_or(scene.as_os_str()).to_owned();
+        let mut name = scene::stem(&args.common);
         name.push(".png");
         pictures.push(name.into());
     }
@@ -138,35 +131,6 @@ fn outputs(args: &Render) -> Result<Vec<PathBuf>, Failure> {
     Ok(pictures)
 }
 
-/// The camera asked for; the first otherwise, or one that frames a scene that has none.
-fn camera(args: &Render, scene: &Scene) -> Result<Camera, Failure> {
-    if let (Some(eye), Some(target)) = (args.eye, args.look_at) {
-        if eye == target {
-            return Err(input!("--look-at: the same point as --eye"));
-        }
-        let fov = args.fov.unwrap_or(45.0).to_radians();
-        return Ok(Camera::look_at("command line", Vec3::from(eye), Vec3::from(target), fov));
-    }
-    let Some(word) = &args.camera else {
-        return Ok(scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera()));
-    };
-    let named = |matches: &dyn Fn(&str) -> bool| {
-        scene.cameras.iter().find(|c| matches(&c.name) || c.camera_name.as_deref().is_some_and(matches))
-    };
-    let found = named(&|name| name == word)
-        .or_else(|| scene.cameras.get(word.parse::<usize>().ok()?))
-        .or_else(|| named(&|name| name.to_lowercase() == word.to_lowercase()));
-    found.cloned().ok_or_else(|| {
-        let cameras = scene.cameras.iter().enumerate().map(|(i, camera)| match &camera.camera_name {
-            Some(name) if *name != camera.name => format!("{i}: {} ({name})", camera.name),
-            _ => format!("{i}: {}", camera.name),
-        });
-        let cameras: Vec<_> = cameras.collect();
-        let there = if cameras.is_empty() { "is none".into() } else { format!("are {}", cameras.join(", ")) };
-        input!("--camera: no camera `{word}`; there {there}")
-    })
-}
-
 fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, frame: &Frame) -> String {
     let info = renderer.device().info();
     let (backend, reason) = renderer.backend();
@@ -187,6 +151,10 @@ fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, fr
         frame.path_count,
         frame.min_distance,
     );
+    if let Some(pixels) = frame.regathered {
+        let share = 100.0 * f64::from(pixels) / (frame.beauty.data.len() / 3) as f64;
+        let _ = writeln!(text, "gathered again: {pixels} pixels ({share:.1} %)");
+    }
     let _ = writeln!(text, "device: {}{cpu} ({})", info.name, info.driver());
     let _ = writeln!(text, "backend: {} ({reason})", backend.name());
     for structure in renderer.structures() {

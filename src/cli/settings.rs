@@ -1,4 +1,4 @@
-//! The configuration: a file, then assignments, then options, each winning over what came before.
+//! The configuration: a file, then a preset, then assignments, then options, each winning over what came before.
 
 use super::args::Render;
 use super::{Failure, input};
@@ -10,13 +10,16 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         Some(file) => RenderConfig::from_toml(file)?,
         None => RenderConfig::default(),
     };
+    if let Some(preset) = &args.preset {
+        config.apply_preset(preset)?;
+    }
     for assignment in &args.define {
         config.apply_override(assignment).map_err(|error| input!("-D {assignment}: {error}"))?;
     }
     let options = [
         ("--method", "method", args.method.clone()),
-        ("--size", "size", args.size.map(|size| format!("{size:?}"))),
-        ("--seed", "seed", args.seed.map(|seed| seed.to_string())),
+        ("--size", "size", args.common.size.map(|size| format!("{size:?}"))),
+        ("--seed", "seed", args.common.seed.map(|seed| seed.to_string())),
         ("--pixel-samples", "pixel_samples", args.pixel_samples.map(|samples| samples.to_string())),
         ("--crop", "crop", args.crop.map(|crop| format!("{crop:?}"))),
         ("--vpls", "vpl_shoot.vpls", args.vpls.map(|vpls| vpls.to_string())),
@@ -26,6 +29,13 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
             "indirect.min_distance",
             args.min_distance.map(|distance| format!("{distance:?}")),
         ),
+        ("--downsample", "indirect.downsample", args.downsample.map(|n| n.to_string())),
+        ("--upsample", "indirect.upsample", args.upsample.clone()),
+        ("--interleave", "indirect.interleave", args.interleave.map(|n| n.to_string())),
+        ("--pattern", "indirect.pattern", args.pattern.clone()),
+        ("--filter", "indirect.filter", args.filter.clone()),
+        ("--visibility", "indirect.visibility", args.visibility.clone()),
+        ("--box-split", "indirect.box_split", args.box_split.map(|length| format!("{length:?}"))),
         ("--exposure", "tone_map.exposure", args.exposure.clone()),
     ];
     for (option, key, value) in &options {

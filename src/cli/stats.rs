@@ -51,6 +51,7 @@ pub(super) fn stats(
         "vpl_count": frame.vpl_count,
         "path_count": frame.path_count,
         "min_distance": frame.min_distance,
+        "regathered": frame.regathered,
         "exposure_ev": frame.exposure_ev,
         "structures": renderer.structures().iter().map(|structure| json!({
             "name": structure.name,

@@ -3,9 +3,9 @@
 use parhelion::renderer::{Frame, PassStats};
 use std::fmt::Write;
 
-/// One line a group of passes and one for each pass in it, then the total.
+/// One line a group of passes and one for each pass in it, then their sum, and the frame where passes overlap.
 pub(super) fn table(frame: &Frame) -> String {
-    let total = frame.total_ms.or_else(|| sum(&frame.passes.iter().collect::<Vec<_>>()));
+    let total = sum(&frame.passes.iter().collect::<Vec<_>>());
     let mut groups: Vec<(&str, Vec<&PassStats>)> = Vec::new();
     for pass in &frame.passes {
         let name = pass.path.split('/').next().unwrap_or_default();
@@ -30,6 +30,9 @@ pub(super) fn table(frame: &Frame) -> String {
         }
     }
     rows.push(row("total", total, Some(frame.rays), total));
+    if let Some(ms) = frame.total_ms.filter(|ms| total.is_some_and(|total| *ms < 0.995 * total)) {
+        rows.push(row("frame", Some(ms), Some(frame.rays), total));
+    }
 
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<_> = (0..5).map(width).collect();
@@ -79,6 +82,7 @@ mod tests {
             wall_ms: 9.0,
             rays: 3_000_000,
             vpl_count: 0,
+            regathered: None,
             path_count: 0,
             min_distance: 0.0,
             peak_device_bytes: 0,

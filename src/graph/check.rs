@@ -3,7 +3,7 @@
 
 use super::{
     Desc, Stages,
-    plan::{Barrier, Placement, Plan, PlannedAccess},
+    plan::{Placement, Plan, PlannedAccess},
 };
 
 /// What a plan does wrong.
@@ -109,27 +109,41 @@ fn check_lives(plan: &Plan) -> Result<(), Violation> {
 }
 
 fn check_layouts(plan: &Plan) -> Result<(), Violation> {
-    let first_use = |image: usize, p: usize| {
-        let resource = &plan.resources[image];
-        matches!(resource.desc, Desc::Image(_))
-            && !resource.imported
-            && life(plan, image).is_some_and(|[first, _]| first == p)
+    let barrier = |p: usize| plan.passes[p].barrier.as_ref();
+    let initialised = |image: usize| {
+        (0..plan.passes.len()).filter(move |&p| barrier(p).is_some_and(|b| b.initialise.contains(&image)))
     };
-    for (p, pass) in plan.passes.iter().enumerate() {
-        let none = Barrier::default();
-        let barrier = pass.barrier.as_ref().unwrap_or(&none);
-        let wrong = |image: usize, missing: bool| Violation::Layout {
-            pass: pass.path.clone(),
-            resource: plan.resources[image].name.clone(),
+    for (index, resource) in plan.resources.iter().enumerate() {
+        let transient = matches!(resource.desc, Desc::Image(_)) && !resource.imported;
+        let wrong = |p: usize, missing: bool| Violation::Layout {
+            pass: plan.passes[p].path.clone(),
+            resource: resource.name.clone(),
             missing,
         };
-        if let Some(&image) = barrier.initialise.iter().find(|&&image| !first_use(image, p)) {
-            return Err(wrong(image, false));
-        }
-        for access in pass.accesses.iter().filter(|a| first_use(a.resource, p)) {
-            if !barrier.initialise.contains(&access.resource) || !barrier.after.contains(access.stages) {
-                return Err(wrong(access.resource, true));
+        let mut places = initialised(index);
+        let Some([first, _]) = life(plan, index).filter(|_| transient) else {
+            match places.next() {
+                Some(p) => return Err(wrong(p, false)),
+                None => continue,
             }
+        };
+        let Some(p) = places.next() else { return Err(wrong(first, true)) };
+        // Once, before its first use, and with nothing else in its memory between.
+        let clobbers = |a: &PlannedAccess| {
+            let there = plan.resources[a.resource].placement;
+            a.resource != index && there.zip(resource.placement).is_some_and(|(a, b)| a.overlaps(&b))
+        };
+        let between = plan.passes.get(p..first).unwrap_or_default();
+        if let Some(again) = places.next() {
+            return Err(wrong(again, false));
+        }
+        if p > first || between.iter().any(|pass| pass.accesses.iter().any(clobbers)) {
+            return Err(wrong(p, false));
+        }
+        let after = barrier(p).map_or(Stages::NONE, |barrier| barrier.after);
+        let uses = plan.passes[first].accesses.iter().filter(|a| a.resource == index);
+        if uses.into_iter().any(|access| !after.contains(access.stages)) {
+            return Err(wrong(first, true));
         }
     }
     Ok(())

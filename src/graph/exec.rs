@@ -71,6 +71,10 @@ pub struct RunOptions<'a> {
     /// Milliseconds a submit should take at most. Kernels are split into bands of workgroups to keep to it; the
     /// results are the same. Less answers `cancel` sooner and costs more submits.
     pub submit_ms: f64,
+    /// Whether each pass is timed. Many devices start no pass before the one before has ended where both are timed:
+    /// off, independent passes overlap and only the whole is timed ([`Run::device_ms`]). Passes that never ran before
+    /// are timed in any case.
+    pub pass_times: bool,
     /// Asked between submits; where it is true the run ends with [`Error::Cancelled`].
     pub cancel: Option<&'a AtomicBool>,
     /// Told after each submit how far the run is.
@@ -79,7 +83,7 @@ pub struct RunOptions<'a> {
 
 impl Default for RunOptions<'_> {
     fn default() -> Self {
-        Self { scene: None, alias: true, submit_ms: 100.0, cancel: None, progress: None }
+        Self { scene: None, alias: true, submit_ms: 100.0, pass_times: true, cancel: None, progress: None }
     }
 }
 
@@ -105,6 +109,10 @@ pub struct Run {
     pub transient_bytes: u64,
     /// Bytes it would be without sharing.
     pub unaliased_bytes: u64,
+    /// Milliseconds on the device from the first pass's start to the end of the last that is no readback, waits
+    /// between submits left out. With [`RunOptions::pass_times`] the sum over passes, readbacks left out. `None`
+    /// where the device has no timestamps.
+    pub device_ms: Option<f64>,
     /// Times that work was handed to the device.
     pub submits: u32,
     graph: u32,
@@ -269,6 +277,11 @@ impl Executor {
             intervals: Vec::new(),
             expected: 0.0,
             submits: 0,
+            whole: (!options.pass_times && rates.iter().all(Option::is_some)).then_some(0.0),
+            last_work: plan
+                .passes
+                .iter()
+                .rposition(|pass| !matches!(graph.passes[pass.recorded].work, Work::Readback { .. })),
         };
         for (p, pass) in plan.passes.iter().enumerate() {
             if let Some(barrier) = &pass.barrier {
@@ -296,7 +309,7 @@ impl Executor {
             }
         }
         frame.flush()?;
-        let Frame { measured, submits, .. } = frame;
+        let Frame { measured, submits, whole, last_work, .. } = frame;
         for (pass, measured) in plan.passes.iter().zip(&measured) {
             if let Some(rate) = measured.mean_rate() {
                 self.rates.insert(rate_key(pass), rate);
@@ -310,9 +323,16 @@ impl Executor {
             staging.take_if(|buffer| buffer.size() > KEPT_STAGING);
         }
         let timed = self.device.info().timestamps;
+        let sum = || {
+            let readback =
+                |p: &usize| matches!(graph.passes[plan.passes[*p].recorded].work, Work::Readback { .. });
+            let work = (0..last_work.map_or(0, |last| last + 1)).filter(|p| !readback(p));
+            work.map(|p| measured[p].ms).sum()
+        };
+        let device_ms = timed.then(|| whole.unwrap_or_else(sum));
         let passes = plan.passes.iter().zip(&measured).map(|(pass, measured)| PassTime {
             path: pass.path.clone(),
-            ms: timed.then_some(measured.ms),
+            ms: (timed && whole.is_none()).then_some(measured.ms),
             bands: measured.bands,
         });
         Ok(Run {
@@ -321,6 +341,7 @@ impl Executor {
             transient_bytes: plan.transient_bytes,
             unaliased_bytes: plan.unaliased_bytes,
             plan,
+            device_ms,
             submits,
             graph: graph.id,
             contents,
@@ -504,6 +525,10 @@ struct Frame<'f> {
     /// Milliseconds it should take.
     expected: f64,
     submits: u32,
+    /// Milliseconds so far where passes are not timed one by one.
+    whole: Option<f64>,
+    /// The last pass that is no readback.
+    last_work: Option<usize>,
 }
 
 impl Frame<'_> {
@@ -595,14 +620,28 @@ impl Frame<'_> {
         let cmd = self.commands()?;
         let interval = self.intervals.len() as u32;
         self.device.begin_label(cmd, &self.plan.passes[p].path);
-        self.timestamps.begin(cmd, interval, stage);
+        match self.whole {
+            None => self.timestamps.begin(cmd, interval, stage),
+            Some(_) if interval == 0 => {
+                self.timestamps.begin(cmd, 0, raw::PipelineStageFlags2::ALL_COMMANDS);
+            }
+            Some(_) => {}
+        }
         record(self, cmd);
-        self.timestamps.end(cmd, interval, stage);
+        match self.whole {
+            None => self.timestamps.end(cmd, interval, stage),
+            Some(_) if Some(p) == self.last_work => self.end_whole(cmd),
+            Some(_) => {}
+        }
         self.device.end_label(cmd);
         self.intervals.push(Interval { pass: p, groups });
         self.measured[p].bands += 1;
         self.expected += groups * self.measured[p].rate.unwrap_or(0.0);
         Ok(())
+    }
+
+    fn end_whole(&self, cmd: raw::CommandBuffer) {
+        self.timestamps.end(cmd, 0, raw::PipelineStageFlags2::ALL_COMMANDS);
     }
 
     /// Keeps a part of unknown length apart from the rest where only whole submits can be timed.
@@ -635,9 +674,14 @@ impl Frame<'_> {
             Dispatch::Indirect { buffer, offset } => {
                 return self.whole(p, stage, |frame, cmd| {
                     frame.bind(cmd, kernel, work);
+                    let device = frame.device.raw();
                     // SAFETY: the graph checked that the buffer holds the arguments, and a barrier made them
                     // visible; the pipeline and its resources are bound.
-                    unsafe { frame.device.raw().cmd_dispatch_indirect(cmd, frame.buffer(buffer), offset) };
+                    unsafe {
+                        // lavapipe (up to Mesa 25.0 at least) adds the base of the dispatch before to an indirect one.
+                        device.cmd_dispatch_base(cmd, 0, 0, 0, 0, 0, 0);
+                        device.cmd_dispatch_indirect(cmd, frame.buffer(buffer), offset);
+                    }
                 });
             }
         };
@@ -787,6 +831,14 @@ impl Frame<'_> {
     /// Submits what was recorded, waits for it and reads its times.
     fn flush(&mut self) -> Result<(), Error> {
         let Some(commands) = self.commands.take() else { return Ok(()) };
+        let intervals = std::mem::take(&mut self.intervals);
+        // A submit that ends before the last pass of all ends its time here; one behind it is not timed.
+        let last = intervals.last().map(|interval| interval.pass);
+        let first = intervals.first().map(|interval| interval.pass);
+        let timed = self.whole.is_some() && first.is_some() && first <= self.last_work;
+        if timed && last < self.last_work {
+            self.end_whole(commands.raw());
+        }
         if self.options.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(Error::Cancelled);
         }
@@ -801,10 +853,16 @@ impl Frame<'_> {
         self.submits += 1;
         self.new_imports().for_each(vk::Image::set_general);
         self.expected = 0.0;
-        let intervals = std::mem::take(&mut self.intervals);
-        let times = self.timestamps.nanoseconds(intervals.len() as u32)?;
+        let times = match self.whole {
+            None => self.timestamps.nanoseconds(intervals.len() as u32)?,
+            Some(sum) => {
+                let span = if timed { self.timestamps.nanoseconds(1)? } else { None };
+                self.whole = Some(sum + span.map_or(0.0, |ns| ns[0] as f64 * 1e-6));
+                None
+            }
+        };
         self.timestamps.reset();
-        for (i, interval) in intervals.iter().enumerate() {
+        for (i, interval) in intervals.iter().enumerate().filter(|_| self.whole.is_none()) {
             let ms = match &times {
                 Some(times) => times[i] as f64 * 1e-6,
                 None if intervals.len() == 1 => wall_ms,

@@ -114,6 +114,13 @@ pub struct PlannedResource {
     pub placement: Option<Placement>,
 }
 
+impl PlannedResource {
+    /// Whether pass `p` is the first that touches it.
+    fn begins(&self, p: usize) -> bool {
+        self.lifetime.is_some_and(|[first, _]| first == p)
+    }
+}
+
 /// One resource a pass touches.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlannedAccess {
@@ -433,12 +440,24 @@ impl State {
 fn barriers(passes: &mut [PlannedPass], resources: &[PlannedResource]) {
     let mut states = vec![State::default(); resources.len()];
     let shares = sharing(resources);
+    let alone = |index: usize| {
+        let resource = &resources[index];
+        matches!(resource.desc, Desc::Image(_)) && resource.placement.is_some() && shares[index].is_empty()
+    };
+    // Images that follow none in their memory get their layout before the first pass: a barrier later on would keep
+    // passes apart that need not wait for each other.
+    let mut barrier =
+        Barrier { initialise: (0..resources.len()).filter(|&i| alone(i)).collect(), ..Barrier::default() };
+    let first_uses =
+        passes.iter().enumerate().flat_map(|(p, pass)| pass.accesses.iter().map(move |a| (p, a)));
+    for (_, access) in first_uses.filter(|(p, a)| alone(a.resource) && resources[a.resource].begins(*p)) {
+        barrier.after |= access.stages;
+    }
     for (p, pass) in passes.iter_mut().enumerate() {
-        let mut barrier = Barrier::default();
         for access in &pass.accesses {
             let resource = &resources[access.resource];
             states[access.resource].hazards(&mut barrier, access.stages, access.reads, access.writes);
-            if resource.imported || resource.lifetime.is_none_or(|[first, _]| first != p) {
+            if resource.imported || !resource.begins(p) {
                 continue;
             }
             let image = matches!(resource.desc, Desc::Image(_));
@@ -448,11 +467,12 @@ fn barriers(passes: &mut [PlannedPass], resources: &[PlannedResource]) {
                     states[other].before_layout(&mut barrier);
                 }
             }
-            if image && !barrier.initialise.contains(&access.resource) {
+            if image && !alone(access.resource) && !barrier.initialise.contains(&access.resource) {
                 barrier.initialise.push(access.resource);
                 barrier.after |= access.stages;
             }
         }
+        let barrier = std::mem::take(&mut barrier);
         if !barrier.after.is_empty() {
             for state in &mut states {
                 state.pass_barrier(&barrier);

@@ -1,4 +1,5 @@
-//! Instant global illumination (Marques & Santos 2010; Wald et al. 2002; Keller 1997), without accelerations.
+//! Instant global illumination (Marques & Santos 2010; Wald et al. 2002; Keller 1997), with the paper's accelerations as
+//! switches: imperfect visibility, downsampling, interleaved sampling.
 //!
 //! Known bias: light of more than `bounces` diffuse bounces, light nearer than `min_distance`, and rough specular
 //! lobes are missing. Known noise: VPLs are shared by all pixels, so error shows as splotches, not grain.
@@ -14,11 +15,26 @@ pub const METHOD: Method =
 
 fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let min_distance = config.indirect.min_distance(frame.area, &config.vpl_shoot);
-    let vpls = vpl_shoot::vpl_shoot(g, k, &config.vpl_shoot);
-    let gbuffer = gbuffer::gbuffer(g, k, frame.extent);
+    // Passes that do not need each other stand side by side, the longest chains first: a GPU overlaps them.
+    let paths = vpl_shoot::paths(g, k, &config.vpl_shoot);
+    let gbuffer = gbuffer::gbuffer(g, k, frame.origin, frame.extent);
+    let vpls = vpl_shoot::compact(g, &config.vpl_shoot, &paths, config.indirect.subsets());
+    let geometry = config.indirect.filtered().then(|| gbuffer::unpack(g, k, &gbuffer));
+    let reflections = whitted::tree(g, k, &config.whitted, &gbuffer, &vpls, min_distance);
+    let samples = indirect::gather(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let direct = whitted::direct(g, k, &gbuffer);
-    let specular = whitted::specular(g, k, &config.whitted, &gbuffer, &vpls, &config.vpl_shoot, min_distance);
-    let irradiance = indirect::indirect(g, k, &config.vpl_shoot, &gbuffer, &vpls, min_distance);
-    let beauty = compose::beauty(g, &gbuffer, direct, specular, irradiance);
-    Layers { beauty, gbuffer, direct, specular, irradiance, vpl_count: vpls.count }
+    let indirect =
+        indirect::reconstruct(g, k, &config.indirect, &gbuffer, geometry.as_ref(), &vpls, &samples);
+    let specular = reflections.map(|reflections| whitted::specular(g, k, &reflections, &vpls));
+    let beauty = compose::beauty(g, &gbuffer, direct, specular, indirect.irradiance);
+    Layers {
+        beauty,
+        gbuffer,
+        geometry,
+        direct,
+        specular,
+        irradiance: indirect.irradiance,
+        vpl_count: vpls.count,
+        regathered: indirect.regathered,
+    }
 }

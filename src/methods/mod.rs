@@ -4,7 +4,8 @@ pub mod igi;
 
 use crate::config::RenderConfig;
 use crate::graph::{Buffer, Graph, Image, Res};
-use crate::techniques::{Kernels, gbuffer::GBuffer};
+use crate::techniques::Kernels;
+use crate::techniques::gbuffer::{GBuffer, Geometry};
 
 /// What a method draws. All images are of the window's size.
 #[derive(Clone, Copy, Debug)]
@@ -13,6 +14,8 @@ pub struct Layers {
     pub beauty: Res<Image>,
     /// Primary hits.
     pub gbuffer: GBuffer,
+    /// Normals, depths and positions, where the method has made them.
+    pub geometry: Option<Geometry>,
     /// Radiance by emission and direct light.
     pub direct: Res<Image>,
     /// Radiance through mirrors and glass, where there are any.
@@ -21,11 +24,15 @@ pub struct Layers {
     pub irradiance: Res<Image>,
     /// VPLs that exist.
     pub vpl_count: Res<Buffer>,
+    /// Four unsigned integers, the last of them how many pixels no filter could serve; where some may be.
+    pub regathered: Option<Res<Buffer>>,
 }
 
 /// What a method needs to know beside its configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameInfo {
+    /// Where the window rendered begins in the whole picture (pixels).
+    pub origin: [u32; 2],
     /// Pixels of the window rendered.
     pub extent: [u32; 2],
     /// The scene's surface (m²).

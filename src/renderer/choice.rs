@@ -65,7 +65,8 @@ pub(super) fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> 
     let config = RenderConfig { size: [640, 480], ..RenderConfig::default() };
     let camera = scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera());
     let milliseconds = |backend| -> Result<f64, Error> {
-        let options = RendererOptions { backend: BackendChoice::Force(backend) };
+        let options =
+            RendererOptions { backend: BackendChoice::Force(backend), ..RendererOptions::default() };
         let mut renderer = Renderer::new(device, scene.clone(), &options)?;
         let request = FrameRequest { repeat: 3, ..FrameRequest::default() };
         let frame = renderer.render(&config, &camera, &request)?;

@@ -1,7 +1,7 @@
 //! Parts into a picture: beauty = direct + specular + albedo/π · irradiance, all radiance (W/(sr·m²)).
 
 use super::gbuffer::GBuffer;
-use crate::graph::{Graph, Grid, Image, Res};
+use crate::graph::{Graph, Grid, Image, ImageDesc, Res};
 use crate::shaders::compose as kernels;
 
 /// Sums what reaches the camera.
@@ -52,4 +52,14 @@ pub fn black(g: &mut Graph<'_>, like: Res<Image>) -> Res<Image> {
     let out = g.image("black", g.desc(like));
     g.clear_image("black", out);
     out
+}
+
+/// The part of `extent` pixels of an image that begins at pixel `origin`.
+pub fn cut(g: &mut Graph<'_>, image: Res<Image>, origin: [u32; 2], extent: [u32; 2]) -> Res<Image> {
+    g.group("compose", |g| {
+        let out = g.image("cut", ImageDesc { extent, ..g.desc(image) });
+        let bind = kernels::cut::Bind { image, out_cut: out };
+        g.pass("cut", &kernels::cut::kernel(), bind, kernels::cut::Params { origin }, Grid::Over(out));
+        out
+    })
 }

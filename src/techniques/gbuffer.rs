@@ -12,6 +12,8 @@ pub struct GBuffer {
     pub hits: Res<Image>,
     /// Diffuse albedo there: what irradiance is multiplied with, last of all.
     pub albedo: Res<Image>,
+    /// Where the window begins in the whole picture (pixels).
+    pub origin: [u32; 2],
 }
 
 /// Shading normal and depth (m, along the viewing direction), and position (m). Misses are 0.
@@ -23,14 +25,14 @@ pub struct Geometry {
     pub position: Res<Image>,
 }
 
-/// Traces the camera's rays.
-pub fn gbuffer(g: &mut Graph<'_>, k: &Kernels, extent: [u32; 2]) -> GBuffer {
+/// Traces the camera's rays for the window of `extent` pixels that begins at pixel `origin`.
+pub fn gbuffer(g: &mut Graph<'_>, k: &Kernels, origin: [u32; 2], extent: [u32; 2]) -> GBuffer {
     g.group("gbuffer", |g| {
         let hits = g.image("hits", ImageDesc::new(extent, Format::Rgba32Uint));
         let albedo = g.image("albedo", ImageDesc::new(extent, Format::Rgba32Float));
         let bind = primary::Bind { out_hits: hits, out_albedo: albedo };
         g.pass("primary", &primary::kernel(&k.scene), bind, primary::Params {}, Grid::Over(hits));
-        GBuffer { hits, albedo }
+        GBuffer { hits, albedo, origin }
     })
 }
 

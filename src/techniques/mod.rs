@@ -10,6 +10,7 @@ pub mod whitted;
 
 use crate::scene::SceneProfile;
 use crate::shaders::SceneSpec;
+use indirect::Visibility;
 
 /// The kernels of all techniques, specialised to what a scene needs.
 #[derive(Clone, Debug)]
@@ -45,8 +46,16 @@ impl Kernels {
             emissive_triangles: profile.emission,
             environment: profile.environment,
             stack_depth,
+            visibility: Visibility::Exact as u32,
         };
         Self { profile: profile.clone(), scene }
+    }
+
+    /// The kernels for another kind of visibility between surfaces and VPLs.
+    #[must_use]
+    pub fn with_visibility(mut self, visibility: Visibility) -> Self {
+        self.scene.visibility = visibility as u32;
+        self
     }
 
     /// The constants themselves.
@@ -68,13 +77,14 @@ impl Kernels {
 }
 
 /// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
-pub(crate) const RAY_COUNTERS: [&str; 6] = [
+pub(crate) const RAY_COUNTERS: [&str; 7] = [
     "vpl_shoot/paths",
     "gbuffer/primary",
     "whitted/direct",
     "whitted/tree",
     "whitted/light",
     "indirect/gather",
+    "indirect/regather",
 ];
 
 /// Cells a counter is spread over.

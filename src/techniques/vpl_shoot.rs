@@ -52,33 +52,48 @@ impl VplShootConfig {
 /// A list of VPLs on the device.
 #[derive(Clone, Copy, Debug)]
 pub struct Vpls {
-    /// [`Vpl`]s, as many as `count` says, in order of their paths.
+    /// [`Vpl`]s, as many as `count` says, in order of their paths. A subset is a run of paths: taking every ninth
+    /// would fix two digits of Halton's base 3 in each, and with them a part of the directions.
     pub list: Res<Buffer>,
-    /// One unsigned integer.
+    /// Unsigned integers: how many VPLs there are, then where each subset starts and where the last one ends.
     pub count: Res<Buffer>,
+    /// Most VPLs there can be.
+    pub slots: u32,
+    /// Most VPLs a subset can have.
+    pub subset_slots: u32,
 }
 
-/// Shoots the paths and closes the gaps of those that ended early.
-pub fn vpl_shoot(g: &mut Graph<'_>, k: &Kernels, config: &VplShootConfig) -> Vpls {
+/// What light paths left behind, with the gaps of those that ended early.
+#[derive(Clone, Copy, Debug)]
+pub struct Paths {
+    slots: Res<Buffer>,
+}
+
+/// Shoots the paths.
+pub fn paths(g: &mut Graph<'_>, k: &Kernels, config: &VplShootConfig) -> Paths {
     g.group("vpl_shoot", |g| {
-        let (launched, bytes) = (config.paths(), u64::from(config.slots()) * size_of::<Vpl>() as u64);
-        let slots = g.buffer("slots", bytes);
-        let list = g.buffer("vpls", bytes);
-        let count = g.buffer("count", 4);
-        g.pass(
-            "paths",
-            &paths::kernel(&k.scene),
-            paths::Bind { slots },
-            paths::Params { paths: launched, bounces: config.bounces },
-            Grid::Of([launched, 1, 1]),
-        );
-        g.pass(
-            "compact",
-            &compact::kernel(),
-            compact::Bind { slots, vpls: list, count },
-            compact::Params { slots: config.slots() },
-            Grid::Of([1, 1, 1]),
-        );
-        Vpls { list, count }
+        let slots = g.buffer("slots", bytes(config));
+        let params = paths::Params { paths: config.paths(), bounces: config.bounces };
+        let grid = Grid::Of([config.paths(), 1, 1]);
+        g.pass("paths", &paths::kernel(&k.scene), paths::Bind { slots }, params, grid);
+        Paths { slots }
     })
+}
+
+/// Closes the gaps and notes where each of `subsets` equal parts of the paths starts.
+pub fn compact(g: &mut Graph<'_>, config: &VplShootConfig, paths: &Paths, subsets: u32) -> Vpls {
+    g.group("vpl_shoot", |g| {
+        let &Paths { slots } = paths;
+        let list = g.buffer("vpls", bytes(config));
+        let count = g.buffer("count", 4 * (u64::from(subsets) + 2));
+        let bind = compact::Bind { slots, vpls: list, count };
+        let params = compact::Params { paths: config.paths(), bounces: config.bounces, subsets };
+        g.pass("compact", &compact::kernel(), bind, params, Grid::Of([1, 1, 1]));
+        let subset_slots = config.paths().div_ceil(subsets) * config.bounces;
+        Vpls { list, count, slots: config.slots(), subset_slots }
+    })
+}
+
+fn bytes(config: &VplShootConfig) -> u64 {
+    u64::from(config.slots()) * size_of::<Vpl>() as u64
 }

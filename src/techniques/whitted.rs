@@ -12,18 +12,18 @@
 //! transmissive surfaces block shadow rays, so there are no caustics from point lights but through VPLs.
 //! Cost: one shadow ray a light; behind mirrors and glass also one a VPL.
 
-use super::indirect::RANGE;
-use super::{
-    Kernels,
-    gbuffer::GBuffer,
-    vpl_shoot::{VplShootConfig, Vpls},
-};
-use crate::graph::{Graph, Grid, Image, Res};
+use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
+use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::{
     Reached,
-    whitted::{self as kernels, light, sum, tree},
+    whitted::{self as kernels, collect, light, sum, tree},
 };
 use crate::vk::Format;
+
+/// Lights and VPLs that one pass takes; bounded as [`super::indirect::RANGE`] is.
+const RANGE: u32 = 256;
+/// As in `glsl/whitted/reached.glsl`.
+const SLICE: u32 = 1;
 
 /// How the tree of specular rays grows.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -59,48 +59,80 @@ pub fn direct(g: &mut Graph<'_>, k: &Kernels, gb: &GBuffer) -> Res<Image> {
     })
 }
 
-/// Radiance through mirrors and glass; `None` where the scene has neither or no specular bounce is asked for.
-pub fn specular(
+/// Where specular paths from the camera end: a list of points still to be lit.
+#[derive(Clone, Copy, Debug)]
+pub struct Reflections {
+    emitted: Res<Image>,
+    last: Res<Image>,
+    points: Res<Buffer>,
+    args: Res<Buffer>,
+    capacity: u32,
+    min_distance: f32,
+}
+
+/// Follows mirrors and glass; `None` where the scene has neither or no specular bounce is asked for.
+pub fn tree(
     g: &mut Graph<'_>,
     k: &Kernels,
     config: &WhittedConfig,
     gb: &GBuffer,
     vpls: &Vpls,
-    shoot: &VplShootConfig,
     min_distance: f32,
-) -> Option<Res<Image>> {
+) -> Option<Reflections> {
     (k.specular() && config.specular_depth > 0).then(|| {
         g.group("whitted", |g| {
             let desc = g.desc(gb.albedo);
             // Points beyond are lit where they are found: slower, the same light.
             let capacity = desc.extent[0] * desc.extent[1];
             let emitted = g.image("emitted", desc);
-            let sources = k.lights() + shoot.slots();
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
-            let list = g.buffer("list", 4);
-            g.fill("empty", list, 0);
-            let (vpls, count) = (vpls.list, vpls.count);
+            let args = g.buffer("light_args", 16);
+            let slices = RANGE.min(k.lights() + vpls.slots).div_ceil(SLICE);
+            g.upload("none", args, bytemuck::cast_slice(&[0, slices, 1, 0]).to_vec());
+            let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
             g.pass(
                 "tree",
                 &tree::kernel(&k.scene),
-                tree::Bind { hits: gb.hits, vpls, count, out_emitted: emitted, out_last: last, points, list },
+                tree::Bind {
+                    hits,
+                    albedo: gb.albedo,
+                    vpls,
+                    count,
+                    out_emitted: emitted,
+                    out_last: last,
+                    points,
+                    args,
+                },
                 tree::Params { capacity, range: RANGE, min_distance },
                 Grid::Over(emitted),
             );
-            for first in (0..sources).step_by(RANGE as usize) {
-                g.pass(
-                    "light",
-                    &light::kernel(&k.scene),
-                    light::Bind { vpls, count, list, points },
-                    light::Params { capacity, first, last: first + RANGE, min_distance },
-                    Grid::Of([capacity, light::CODE.workgroup[1], 1]),
-                );
-            }
-            let out = g.image("specular", desc);
-            let bind = sum::Bind { emitted, last, points, out_radiance: out };
-            g.pass("sum", &sum::kernel(&k.scene), bind, sum::Params {}, Grid::Over(out));
-            out
+            Reflections { emitted, last, points, args, capacity, min_distance }
         })
+    })
+}
+
+/// Radiance through mirrors and glass: the points lit by all lights and VPLs.
+pub fn specular(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections, vpls: &Vpls) -> Res<Image> {
+    let &Reflections { emitted, last, points, args, capacity, min_distance } = reflections;
+    g.group("whitted", |g| {
+        // Short lists are lit by many threads a point: until there are points enough to fill any device.
+        let room = capacity.max(1 << 21);
+        let parts = g.buffer("parts", u64::from(room) * 12);
+        let (vpls, count, sources) = (vpls.list, vpls.count, k.lights() + vpls.slots);
+        let grid = Grid::Indirect { buffer: args, offset: 0 };
+        for first in (0..sources).step_by(RANGE as usize) {
+            let range = first + RANGE;
+            let bind = light::Bind { vpls, count, args, points, parts };
+            let params = light::Params { capacity, room, first, last: range, min_distance };
+            g.pass("light", &light::kernel(&k.scene), bind, params, grid);
+            let bind = collect::Bind { count, args, parts, points };
+            let params = collect::Params { capacity, room, first, last: range };
+            g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
+        }
+        let out = g.image("specular", g.desc(emitted));
+        let bind = sum::Bind { emitted, last, points, out_radiance: out };
+        g.pass("sum", &sum::kernel(&k.scene), bind, sum::Params {}, Grid::Over(out));
+        out
     })
 }

@@ -1,6 +1,6 @@
 //! Acceleration structures built by the driver, for kernels that trace rays by ray query.
 //!
-//! Structures over triangles are compacted; a structure over instances of those is what kernels trace through.
+//! Structures over triangles and boxes are compacted; a structure over instances of those is what kernels trace through.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use vk::{AccessFlags2 as A, PipelineStageFlags2 as S};
 
 use super::{Buffer, Device, Error, MemoryKind};
 
-/// An acceleration structure over triangles, or over instances of such structures.
+/// An acceleration structure over triangles or boxes, or over instances of such structures.
 #[derive(Debug)]
 pub struct AccelerationStructure {
     device: Device,
@@ -93,11 +93,21 @@ impl Instance {
 
 const INSTANCE_BYTES: usize = size_of::<vk::AccelerationStructureInstanceKHR>();
 
+const BOX_BYTES: u64 = size_of::<vk::AabbPositionsKHR>() as u64;
+
 /// What a structure is built from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Input<'a> {
     /// Triangles; each element is a geometry of the structure.
     Triangles(&'a [Triangles]),
+    /// `count` boxes, each the lowest and the highest coordinates (six `f32`), at a device address that is a
+    /// multiple of 8.
+    Boxes {
+        /// Device address.
+        address: u64,
+        /// Boxes; may be 0.
+        count: u32,
+    },
     /// `count` instances, as [`Instance`] lays them out, at a device address that is a multiple of 16.
     Instances {
         /// Device address.
@@ -154,6 +164,7 @@ impl Device {
                 let triangles = geometries.iter().map(|g| u64::from(g.triangle_count)).sum();
                 check("triangles", triangles, limits.max_primitives)?;
             }
+            Input::Boxes { count, .. } => check("boxes", u64::from(count), limits.max_primitives)?,
             Input::Instances { count, .. } => check("instances", u64::from(count), limits.max_instances)?,
         }
         let (geometries, ranges) = describe(input);
@@ -218,32 +229,30 @@ impl Device {
         Ok(())
     }
 
-    /// Builds and compacts a structure for each element of `meshes`, which is all in memory, and waits.
+    /// Builds and compacts a structure for each input, which is all in memory, and waits.
     ///
     /// # Errors
     ///
     /// [`Error::NoRayQuery`], [`Error::TooLarge`], [`Error::OutOfDeviceMemory`], [`Error::DeviceLost`], or what
     /// the driver said.
-    pub(crate) fn build_triangle_structures(
+    pub(crate) fn build_bottom_structures(
         &self,
         name: &str,
-        meshes: &[&[Triangles]],
+        inputs: &[Input<'_>],
     ) -> Result<(Vec<AccelerationStructure>, BuildReport), Error> {
         let started = Instant::now();
         let mut report = BuildReport::default();
-        let sizes = meshes
-            .iter()
-            .map(|mesh| self.structure_sizes(name, Input::Triangles(mesh)))
-            .collect::<Result<Vec<_>, _>>()?;
-        let mut built = Vec::with_capacity(meshes.len());
-        let mut rest = (meshes, sizes.as_slice());
+        let sizes =
+            inputs.iter().map(|&input| self.structure_sizes(name, input)).collect::<Result<Vec<_>, _>>()?;
+        let mut built = Vec::with_capacity(inputs.len());
+        let mut rest = (inputs, sizes.as_slice());
         while !rest.1.is_empty() {
             let n = batch(rest.1);
-            let (meshes, sizes) = (&rest.0[..n], &rest.1[..n]);
+            let (inputs, sizes) = (&rest.0[..n], &rest.1[..n]);
             rest = (&rest.0[n..], &rest.1[n..]);
             report.scratch_bytes = report.scratch_bytes.max(sizes.iter().map(|s| s.scratch).sum());
             report.bytes_before_compaction += sizes.iter().map(|s| s.structure).sum::<u64>();
-            built.extend(self.build_batch(name, meshes, sizes)?);
+            built.extend(self.build_batch(name, inputs, sizes)?);
         }
         report.bytes = built.iter().map(AccelerationStructure::bytes).sum();
         report.milliseconds = started.elapsed().as_secs_f64() * 1e3;
@@ -253,16 +262,16 @@ impl Device {
     fn build_batch(
         &self,
         name: &str,
-        meshes: &[&[Triangles]],
+        inputs: &[Input<'_>],
         sizes: &[BuildSizes],
     ) -> Result<Vec<AccelerationStructure>, Error> {
         let fns = self.acceleration_structure()?;
         let scratch_bytes = sizes.iter().map(|s| s.scratch).sum::<u64>();
         let scratch = self.scratch(scratch_bytes)?;
-        let structures = meshes
+        let structures = inputs
             .iter()
             .zip(sizes)
-            .map(|(mesh, s)| self.create_structure(name, Input::Triangles(mesh), s.structure))
+            .map(|(&input, s)| self.create_structure(name, input, s.structure))
             .collect::<Result<Vec<_>, _>>()?;
         let queries = CompactionQueries::new(self, structures.len() as u32)?;
 
@@ -270,8 +279,8 @@ impl Device {
         let cmd = commands.raw();
         self.memory_barrier(cmd, (S::ALL_COMMANDS, A::MEMORY_WRITE), (BUILD.0, BUILD.1 | A::SHADER_READ));
         let mut at = self.align_scratch(scratch.address());
-        for ((mesh, size), structure) in meshes.iter().zip(sizes).zip(&structures) {
-            self.record_build(cmd, Input::Triangles(mesh), structure, at)?;
+        for ((&input, size), structure) in inputs.iter().zip(sizes).zip(&structures) {
+            self.record_build(cmd, input, structure, at)?;
             at += size.scratch;
         }
         self.memory_barrier(cmd, BUILD, BUILD);
@@ -292,8 +301,8 @@ impl Device {
         let compacted = queries
             .sizes()?
             .into_iter()
-            .zip(meshes)
-            .map(|(bytes, mesh)| self.create_structure(name, Input::Triangles(mesh), bytes))
+            .zip(inputs)
+            .map(|(bytes, &input)| self.create_structure(name, input, bytes))
             .collect::<Result<Vec<_>, _>>()?;
         self.run(name, |cmd| {
             self.memory_barrier(cmd, BUILD, BUILD);
@@ -314,7 +323,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// As [`Self::build_triangle_structures`].
+    /// As [`Self::build_bottom_structures`].
     pub(crate) fn build_instance_structure(
         &self,
         name: &str,
@@ -369,7 +378,7 @@ fn batch(sizes: &[BuildSizes]) -> usize {
 
 fn structure_type(input: Input<'_>) -> vk::AccelerationStructureTypeKHR {
     match input {
-        Input::Triangles(_) => vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL,
+        Input::Triangles(_) | Input::Boxes { .. } => vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL,
         Input::Instances { .. } => vk::AccelerationStructureTypeKHR::TOP_LEVEL,
     }
 }
@@ -404,6 +413,14 @@ fn describe(input: Input<'_>) -> Described {
                 (geometry, range(g.triangle_count))
             })
             .unzip(),
+        Input::Boxes { address: at, count } => {
+            let aabbs =
+                vk::AccelerationStructureGeometryAabbsDataKHR::default().data(address(at)).stride(BOX_BYTES);
+            let geometry = vk::AccelerationStructureGeometryKHR::default()
+                .geometry_type(vk::GeometryTypeKHR::AABBS)
+                .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs });
+            (vec![geometry], vec![range(count)])
+        }
         Input::Instances { address: at, count } => {
             let instances = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(address(at));
             let geometry = vk::AccelerationStructureGeometryKHR::default()
@@ -420,7 +437,7 @@ fn build_info<'a>(
 ) -> vk::AccelerationStructureBuildGeometryInfoKHR<'a> {
     use vk::BuildAccelerationStructureFlagsKHR as F;
     let flags = match input {
-        Input::Triangles(_) => F::PREFER_FAST_TRACE | F::ALLOW_COMPACTION,
+        Input::Triangles(_) | Input::Boxes { .. } => F::PREFER_FAST_TRACE | F::ALLOW_COMPACTION,
         Input::Instances { .. } => F::PREFER_FAST_TRACE,
     };
     vk::AccelerationStructureBuildGeometryInfoKHR::default()

@@ -531,6 +531,7 @@ impl DeviceInner {
         let mut bindings = vec![binding(0, vk::DescriptorType::UNIFORM_BUFFER)];
         if backend == Backend::RayQuery {
             bindings.push(binding(1, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR));
+            bindings.push(binding(2, vk::DescriptorType::ACCELERATION_STRUCTURE_KHR));
         }
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // SAFETY: acceleration structures are only named where their extension is enabled.

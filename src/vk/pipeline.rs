@@ -1,7 +1,8 @@
 //! Compute pipelines and the descriptor set of the scene.
 //!
-//! Set 0 holds the scene, with one layout a [`Backend`]: binding 0 is a uniform buffer, binding 1 under
-//! [`Backend::RayQuery`] the acceleration structure. Set 1 is the pass and is pushed.
+//! Set 0 holds the scene, with one layout a [`Backend`]: binding 0 is a uniform buffer; under
+//! [`Backend::RayQuery`] binding 1 is the acceleration structure over triangles and binding 2 that over their boxes.
+//! Set 1 is the pass and is pushed.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -330,7 +331,7 @@ fn identity(code: &KernelCode, backend: Backend) -> Code {
 
 /// Set 0, filled: what every kernel of a frame knows of the scene.
 ///
-/// It names the buffer and the acceleration structure it was made with; they must outlive its use.
+/// It names the buffer and the acceleration structures it was given; they must outlive its use.
 #[derive(Debug)]
 pub struct SceneSet {
     device: Device,
@@ -349,6 +350,29 @@ impl SceneSet {
     pub(crate) fn raw(&self) -> vk::DescriptorSet {
         self.raw
     }
+
+    /// Puts the structure over triangles' boxes at binding 2, for [`Backend::RayQuery`].
+    pub fn set_boxes(&mut self, structure: &AccelerationStructure) {
+        if self.backend == Backend::RayQuery {
+            self.set_structures(&[2], structure);
+        }
+    }
+
+    fn set_structures(&mut self, bindings: &[u32], structure: &AccelerationStructure) {
+        for &binding in bindings {
+            let raw = [structure.raw()];
+            let mut info =
+                vk::WriteDescriptorSetAccelerationStructureKHR::default().acceleration_structures(&raw);
+            let write = vk::WriteDescriptorSet::default()
+                .dst_set(self.raw)
+                .dst_binding(binding)
+                .descriptor_type(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR)
+                .descriptor_count(1)
+                .push_next(&mut info);
+            // SAFETY: by the rule of the module the set is not in use, and its layout has the binding.
+            unsafe { self.device.raw().update_descriptor_sets(&[write], &[]) };
+        }
+    }
 }
 
 impl Drop for SceneSet {
@@ -359,8 +383,8 @@ impl Drop for SceneSet {
 }
 
 impl Device {
-    /// Set 0 for a backend: `uniform` at binding 0 and, for [`Backend::RayQuery`], `structure` at binding 1.
-    /// Without it, kernels that trace rays must not run.
+    /// Set 0 for a backend: `uniform` at binding 0 and, for [`Backend::RayQuery`], `structure` at binding 1, and at
+    /// binding 2 until [`SceneSet::set_boxes`] puts another there. Without it, kernels that trace rays must not run.
     ///
     /// # Errors
     ///
@@ -381,7 +405,7 @@ impl Device {
         let size = |ty| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(1);
         let mut sizes = vec![size(vk::DescriptorType::UNIFORM_BUFFER)];
         if backend == Backend::RayQuery {
-            sizes.push(size(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR));
+            sizes.push(size(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR).descriptor_count(2));
         }
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: acceleration structures are only named where their extension is enabled.
@@ -396,28 +420,18 @@ impl Device {
         self.set_name(set.raw, "scene");
 
         let buffers = [uniform.descriptor()];
-        let mut writes = vec![
-            vk::WriteDescriptorSet::default()
-                .dst_set(set.raw)
-                .dst_binding(0)
-                .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
-                .buffer_info(&buffers),
-        ];
-        let structures: Vec<_> = structure.iter().map(|s| s.raw()).collect();
-        let mut structure_write =
-            vk::WriteDescriptorSetAccelerationStructureKHR::default().acceleration_structures(&structures);
-        if backend == Backend::RayQuery && structure.is_some() {
-            writes.push(
-                vk::WriteDescriptorSet::default()
-                    .dst_set(set.raw)
-                    .dst_binding(1)
-                    .descriptor_type(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR)
-                    .descriptor_count(1)
-                    .push_next(&mut structure_write),
-            );
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(set.raw)
+            .dst_binding(0)
+            .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
+            .buffer_info(&buffers);
+        // SAFETY: the set is not in use, and the write fits its layout.
+        unsafe { self.raw().update_descriptor_sets(&[write], &[]) };
+        if backend == Backend::RayQuery
+            && let Some(structure) = structure
+        {
+            set.set_structures(&[1, 2], structure);
         }
-        // SAFETY: the set is not in use, and the writes fit its layout.
-        unsafe { self.raw().update_descriptor_sets(&writes, &[]) };
         Ok(set)
     }
 }

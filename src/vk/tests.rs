@@ -312,7 +312,7 @@ mod kernels {
     use std::borrow::Cow;
 
     use super::*;
-    use crate::vk::accel::{Instance, Triangles};
+    use crate::vk::accel::{Input, Instance, Triangles};
     use crate::vk::{
         AccelerationStructure, Access, Backend, Binding, BindingKind, Buffer, KernelCode, Modules, Pipelines,
     };
@@ -552,7 +552,8 @@ mod kernels {
         let masked = [triangles(0, 1, false)];
         let nothing = [triangles(0, 0, true)];
         let meshes: [&[Triangles]; 4] = [&both, &split, &masked, &nothing];
-        let (built, report) = device.build_triangle_structures("meshes", &meshes).unwrap();
+        let (built, report) =
+            device.build_bottom_structures("meshes", &meshes.map(Input::Triangles)).unwrap();
         assert_eq!(report.bytes, built.iter().map(AccelerationStructure::bytes).sum::<u64>());
         assert!(report.bytes <= report.bytes_before_compaction && report.scratch_bytes > 0);
 
@@ -572,7 +573,7 @@ mod kernels {
     #[test]
     fn rays_miss_an_empty_scene() {
         let Some((_guard, device)) = common::ray_query_device() else { return };
-        let (meshes, report) = device.build_triangle_structures("no meshes", &[]).unwrap();
+        let (meshes, report) = device.build_bottom_structures("no meshes", &[]).unwrap();
         assert!(meshes.is_empty() && report.bytes == 0);
         let (structure, report) = device.build_instance_structure("no instances", &[]).unwrap();
         assert!(report.bytes > 0);

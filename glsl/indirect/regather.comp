@@ -1,0 +1,55 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Irradiance from all VPLs at the listed pixels, which no sample near them fits. They are few and far between: many
+// threads share a pixel.
+const uint REGATHER_PIXELS = 4u; // as in missing.glsl
+layout(local_size_x = REGATHER_PIXELS, local_size_y = 64) in;
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "indirect/gather.glsl"
+#include "indirect/visibility.glsl"
+#include "trace/trace.glsl"
+
+layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
+layout(set = 1, binding = 1, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 2, scalar) readonly buffer Count { uint vpls; } count;
+layout(set = 1, binding = 3, scalar) readonly buffer List { uint pixels[]; } list;
+layout(set = 1, binding = 4, scalar) readonly buffer Args { uint groups; uint y; uint z; uint count; } args;
+layout(set = 1, binding = 5, rgba32f) uniform image2D irradiance;
+layout(push_constant, scalar) uniform Params { uint first; uint last; float min_distance; } params;
+
+const uint PARTS = gl_WorkGroupSize.y;
+shared vec3 parts[PARTS][REGATHER_PIXELS];
+
+void main() {
+    uint part = gl_LocalInvocationID.y, column = gl_LocalInvocationID.x;
+    uint index = gl_WorkGroupID.x * REGATHER_PIXELS + column;
+    bool inside = index < args.count;
+    ivec2 pixel = ivec2(0);
+    uint rays = 0u;
+    if (inside) {
+        pixel = ivec2(list.pixels[index] & 0xffffu, list.pixels[index] >> 16);
+        Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
+        face(surface, direction_to_camera(surface.position));
+        Receiver x = receiver_at(surface);
+        vec3 target = offset_origin(x.position, x.geometric_normal);
+        vec3 sum = vec3(0.0);
+        uint last = min(params.last, count.vpls);
+        for (uint k = params.first + part; k < last; k += PARTS) {
+            Vpl vpl = vpls.data[k];
+            vec3 arriving = unshadowed(vpl, x, params.min_distance);
+            if (arriving == vec3(0.0)) continue;
+            ++rays;
+            vec3 origin = offset_origin(vpl.position, vpl.normal);
+            if (!occluded(origin, target)) sum += arriving;
+        }
+        parts[part][column] = sum;
+    }
+    barrier();
+    if (inside && part == 0u) {
+        vec3 sum = imageLoad(irradiance, pixel).rgb;
+        for (uint i = 0u; i < PARTS; ++i) sum += parts[i][column];
+        imageStore(irradiance, pixel, vec4(sum, 1.0));
+    }
+    count_rays(COUNT_REGATHER, rays);
+}

@@ -1,0 +1,23 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Adds up what threads of light.comp found for the same point.
+layout(local_size_x = 64) in;
+#include "whitted/reached.glsl"
+
+layout(set = 1, binding = 0, scalar) readonly buffer Count { uint vpls; } count;
+layout(set = 1, binding = 1, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
+layout(set = 1, binding = 2, scalar) readonly buffer Parts { vec3 data[]; } parts;
+layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
+layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint first; uint last; } params;
+
+void main() {
+    uint index = gl_GlobalInvocationID.x;
+    uint listed = min(args.points, params.capacity);
+    uint last = min(params.last, scene.light_count + count.vpls);
+    if (gl_WorkGroupID.y > 0u || index >= listed || params.first >= last) return;
+    uint slices = (last - params.first + SLICE - 1u) / SLICE;
+    if (listed * slices > params.room) return;
+    vec3 sum = vec3(0.0);
+    for (uint s = 0u; s < slices; ++s) sum += parts.data[s * listed + index];
+    points.data[index].irradiance += sum;
+}

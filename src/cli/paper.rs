@@ -1,0 +1,117 @@
+//! `parhelion paper`.
+
+use super::args::Paper;
+use super::progress::Reporter;
+use super::{Failure, input, interrupt, print, scene};
+use parhelion::config::{ConfigError, RenderConfig};
+use parhelion::output;
+use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
+use parhelion::renderer::{self, Renderer};
+use parhelion::techniques::tone_map::OPERATOR;
+use parhelion::vk::{self, DeviceKind, DeviceOptions};
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Repeats on devices that are no CPU.
+const REPEAT: u32 = 10;
+
+pub(super) fn run(args: &Paper) -> Result<(), Failure> {
+    let base = base(args)?;
+    let folder = folder(args)?;
+    interrupt::listen()?;
+    let reporter = Reporter::new(&args.common);
+    let name = scene::name(&args.common);
+    let (scene, camera) = scene::load(&args.common, &reporter)?;
+
+    let select = args.common.device.clone();
+    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
+    reporter.stage("build", &name);
+    let mut renderer = Renderer::new(&device, scene, &paper::renderer_options(args.common.backend.into()))?;
+
+    reporter.stage("render", &name);
+    interrupt::heeded();
+    let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
+    let repeat = args.repeat.unwrap_or(if device.info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
+    let experiment = Experiment {
+        base: &base,
+        camera: &camera,
+        repeat,
+        cancel: Some(&interrupt::CANCEL),
+        progress: Some(&progress),
+    };
+    let report = paper::run(&mut renderer, &experiment, |report, pictures| write(&folder, report, pictures))?;
+    drop(reporter);
+    if args.common.quiet {
+        return Ok(());
+    }
+    let mut text = report.markdown();
+    let _ = writeln!(text, "\n{}: paper.md, paper.json and pictures", folder.display());
+    print(&text)
+}
+
+fn base(args: &Paper) -> Result<RenderConfig, Failure> {
+    let mut base = RenderConfig::default();
+    base.size = args.common.size.unwrap_or(base.size);
+    base.seed = args.common.seed.unwrap_or(base.seed);
+    base.validate().map_err(|error| match error {
+        ConfigError::Value { key, problem } if key == "size" => input!("--size: {problem}"),
+        error => error.into(),
+    })?;
+    Ok(base)
+}
+
+/// Where the report goes, known to be writable before anything is computed; made when there is something to write.
+fn folder(args: &Paper) -> Result<PathBuf, Failure> {
+    let folder = args.output.clone().unwrap_or_else(|| {
+        let mut name = scene::stem(&args.common);
+        name.push("-paper");
+        name.into()
+    });
+    match fs::metadata(&folder) {
+        Ok(metadata) if !metadata.is_dir() => {
+            return Err(input!("{}: a file; the report needs a folder (-o DIR)", folder.display()));
+        }
+        Ok(_) => {
+            let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
+            for file in ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures) {
+                output::check_writable(&folder.join(file)).map_err(Failure::input)?;
+            }
+        }
+        Err(_) => output::check_writable(&folder).map_err(Failure::input)?,
+    }
+    Ok(folder)
+}
+
+/// Writes a row's pictures, then the report anew.
+fn write(folder: &Path, report: &Report, pictures: Option<(&Row, Pictures<'_>)>) -> Result<(), Failure> {
+    if !folder.is_dir() {
+        fs::create_dir(folder).map_err(|source| output::Error { file: folder.into(), source })?;
+    }
+    if let Some((row, pictures)) = pictures {
+        let [width, _] = report.base.size;
+        let texts = |more: (&'static str, String)| {
+            [
+                ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
+                ("Approach", format!("{}, {} VPLs", row.approach, row.vpls)),
+                ("Tone mapping", OPERATOR.to_owned()),
+                ("Exposure", format!("{:+.2} EV (that of {})", report.exposure_ev, APPROACHES[0].preset)),
+                more,
+            ]
+        };
+        if let Some(file) = &row.picture {
+            let milliseconds = ("Milliseconds", format!("{:.2}", row.frame_ms));
+            output::write_png(&folder.join(file), width, pictures.display, &texts(milliseconds))?;
+        }
+        if let (Some(file), Some(pixels)) = (&row.difference, pictures.difference) {
+            let what =
+                format!("|picture - {}| x {AMPLIFICATION}, of sRGB display values", APPROACHES[0].preset);
+            output::write_png(&folder.join(file), width, pixels, &texts(("Difference", what)))?;
+        }
+    }
+    let json = serde_json::to_string_pretty(report).map_err(std::io::Error::from)?;
+    output::write_file(&folder.join("paper.json"), |out| writeln!(out, "{json}"))?;
+    output::write_file(&folder.join("paper.md"), |out| out.write_all(report.markdown().as_bytes()))?;
+    Ok(())
+}

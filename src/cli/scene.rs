@@ -1,0 +1,63 @@
+//! The scene and the camera that a command is asked for.
+
+use super::args::Common;
+use super::progress::Reporter;
+use super::{Failure, input};
+use glam::Vec3;
+use parhelion::scene::{Camera, Scene, builtin};
+use std::ffi::OsString;
+use std::path::Path;
+
+/// What to call the scene while it is not loaded.
+pub(super) fn name(args: &Common) -> String {
+    args.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string())
+}
+
+/// What names of outputs begin with where none are given.
+pub(super) fn stem(args: &Common) -> OsString {
+    let scene = args.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
+    let builtin = scene.to_str().and_then(|name| name.strip_prefix("builtin:")).map(Path::new);
+    let scene = builtin.unwrap_or(scene);
+    scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
+}
+
+/// Loads the scene, lit, and finds the camera; says what the user should know of them.
+pub(super) fn load(args: &Common, reporter: &Reporter) -> Result<(Scene, Camera), Failure> {
+    reporter.stage("load", &name(args));
+    let mut scene = super::load(args.scene.as_deref(), args.which.clone())?;
+    let camera = camera(args, &scene)?;
+    if scene.lights.is_empty() && !args.no_headlight {
+        scene.add_headlight(&camera);
+    }
+    scene.notes.iter().for_each(|note| reporter.note(note));
+    Ok((scene, camera))
+}
+
+/// The camera asked for; the first otherwise, or one that frames a scene that has none.
+fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
+    if let (Some(eye), Some(target)) = (args.eye, args.look_at) {
+        if eye == target {
+            return Err(input!("--look-at: the same point as --eye"));
+        }
+        let fov = args.fov.unwrap_or(45.0).to_radians();
+        return Ok(Camera::look_at("command line", Vec3::from(eye), Vec3::from(target), fov));
+    }
+    let Some(word) = &args.camera else {
+        return Ok(scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera()));
+    };
+    let named = |matches: &dyn Fn(&str) -> bool| {
+        scene.cameras.iter().find(|c| matches(&c.name) || c.camera_name.as_deref().is_some_and(matches))
+    };
+    let found = named(&|name| name == word)
+        .or_else(|| scene.cameras.get(word.parse::<usize>().ok()?))
+        .or_else(|| named(&|name| name.to_lowercase() == word.to_lowercase()));
+    found.cloned().ok_or_else(|| {
+        let cameras = scene.cameras.iter().enumerate().map(|(i, camera)| match &camera.camera_name {
+            Some(name) if *name != camera.name => format!("{i}: {} ({name})", camera.name),
+            _ => format!("{i}: {}", camera.name),
+        });
+        let cameras: Vec<_> = cameras.collect();
+        let there = if cameras.is_empty() { "is none".into() } else { format!("are {}", cameras.join(", ")) };
+        input!("--camera: no camera `{word}`; there {there}")
+    })
+}
