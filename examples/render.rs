@@ -49,7 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         renderer.set_lights(vec![lamp(x)])?;
         let frame = renderer.render(&config, &camera, &FrameRequest::default())?;
         image::save_buffer(file, &frame.display, config.size[0], config.size[1], image::ColorType::Rgba8)?;
-        println!("{file}: {:.1} ms on {}, {} VPLs", frame.wall_ms, device.info().name, frame.vpl_count);
+        let vpls = frame.vpl_count.unwrap_or_default();
+        println!("{file}: {:.1} ms on {}, {vpls} VPLs", frame.wall_ms, device.info().name);
     }
     Ok(())
 }

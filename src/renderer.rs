@@ -2,11 +2,12 @@
 //! in and the caches that frames share. A frame is a graph built anew, submitted and read back.
 
 use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
-use crate::config::RenderConfig;
+use crate::config::{Method, RenderConfig};
 use crate::graph::{
-    self, Desc, Executor, Graph, Image, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap, Ticket,
+    self, Desc, Executor, Graph, Image, ImageDesc, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap,
+    Ticket,
 };
-use crate::methods::{self, FrameInfo};
+use crate::methods::{self, FrameInfo, NoLayer};
 use crate::sampling::pixel_offset;
 use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Light, Scene, SceneError, SceneProfile, View};
@@ -21,8 +22,11 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 mod choice;
+mod progressive;
 
+pub use crate::methods::Aov;
 pub use choice::{Timing, cached_timing};
+pub use progressive::{Preview, Resume, noise};
 
 /// Up to so many pixels every transient keeps memory of its own, about 250 bytes a pixel.
 const UNSHARED_PIXELS: u64 = 1 << 20;
@@ -48,6 +52,12 @@ pub enum Error {
     /// The configuration.
     #[error(transparent)]
     Config(#[from] crate::config::ConfigError),
+    /// The method does not draw a layer asked for.
+    #[error(transparent)]
+    Layer(#[from] NoLayer),
+    /// What is to be continued is of another size.
+    #[error("{0}")]
+    Resume(String),
     /// The backend asked for does not exist on the device.
     #[error("device {device} has no ray query (VK_KHR_ray_query); use --backend software or auto")]
     NoRayQuery {
@@ -78,6 +88,7 @@ impl Error {
             | Self::Scene(_)
             | Self::Config(_)
             | Self::SoftwareOnly { .. } => 2,
+            Self::Layer(_) | Self::Resume(_) => 2,
             Self::NoRayQuery { .. } => 3,
             Self::Structure(error) => error.exit_code(),
             Self::Graph(_) => 1,
@@ -117,7 +128,15 @@ pub struct FrameRequest<'a> {
     pub taps: &'a [String],
     /// 0: render once. N: render once to warm up, on a GPU for half a second, then N times, and report medians.
     pub repeat: u32,
-    /// Set to stop between submits.
+    /// Progressive methods stop after this time.
+    pub time: Option<Duration>,
+    /// Progressive methods stop where [`noise`] is no more than this.
+    pub noise: Option<f64>,
+    /// What a progressive method goes on from.
+    pub resume: Option<&'a Resume>,
+    /// What progressive methods show before they end.
+    pub preview: Option<Preview<'a>>,
+    /// Set to stop: between submits without a picture, between passes of progressive methods with what there is.
     pub cancel: Option<&'a AtomicBool>,
     /// Told what is being done.
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
@@ -130,62 +149,6 @@ pub struct Progress<'a> {
     pub pass: &'a str,
     /// Share of the whole render, 0 … 1.
     pub done: f64,
-}
-
-/// A layer beside beauty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Aov {
-    /// Diffuse albedo that irradiance is multiplied with, 3 channels.
-    Albedo,
-    /// Unit shading normal in the world, turned to the camera, 3 channels.
-    N,
-    /// Position in the world (m), 3 channels.
-    P,
-    /// Radiance by emission and direct light, 3 channels.
-    Direct,
-    /// Radiance through mirrors and glass, 3 channels.
-    Specular,
-    /// Radiance by indirect light, 3 channels.
-    Indirect,
-    /// Indirect irradiance (W/m²), 3 channels.
-    Irradiance,
-    /// Distance along the viewing direction (m), 1 channel.
-    Depth,
-}
-
-impl Aov {
-    /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Albedo,
-        Self::N,
-        Self::P,
-        Self::Direct,
-        Self::Specular,
-        Self::Indirect,
-        Self::Irradiance,
-        Self::Depth,
-    ];
-
-    /// Its word on the command line and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Albedo => "albedo",
-            Self::N => "N",
-            Self::P => "P",
-            Self::Direct => "direct",
-            Self::Specular => "specular",
-            Self::Indirect => "indirect",
-            Self::Irradiance => "irradiance",
-            Self::Depth => "depth",
-        }
-    }
-
-    /// Channels of the layer.
-    #[must_use]
-    pub fn channels(self) -> usize {
-        if self == Self::Depth { 1 } else { 3 }
-    }
 }
 
 /// Numbers in rows, the top one first, channels interleaved.
@@ -235,15 +198,19 @@ pub struct Frame {
     pub wall_ms: f64,
     /// Rays of one render.
     pub rays: u64,
-    /// VPLs that exist.
-    pub vpl_count: u32,
+    /// VPLs that exist, of methods that have some.
+    pub vpl_count: Option<u32>,
     /// Pixels, of the last pixel sample, that no filter could serve and that were gathered by themselves; `None`
     /// where the settings never do so.
     pub regathered: Option<u32>,
-    /// Light paths launched.
-    pub path_count: u32,
-    /// The paper's min_d in force (m).
-    pub min_distance: f32,
+    /// Light paths launched, of methods that have VPLs.
+    pub path_count: Option<u32>,
+    /// The paper's min_d in force (m), of methods that have VPLs.
+    pub min_distance: Option<f32>,
+    /// Samples a pixel, of progressive methods.
+    pub samples: Option<u32>,
+    /// [`noise`] of beauty, where its halves were kept.
+    pub noise: Option<f64>,
     /// Most bytes ever allocated on the device so far.
     pub peak_device_bytes: u64,
 }
@@ -429,6 +396,8 @@ impl Renderer {
         request: &FrameRequest<'_>,
     ) -> Result<Frame, Error> {
         config.validate()?;
+        let method = methods::named(config.method.name());
+        method.check(request.aovs)?;
         self.ensure_boxes(&config.indirect)?;
         // A CPU device runs pass after pass: there the sum is the frame's time.
         let cpu = self.device.info().kind == DeviceKind::Cpu;
@@ -449,7 +418,11 @@ impl Renderer {
             let counters = (run == 0).then(|| self.counters()).transpose()?;
             let pass_times = run <= request.repeat;
             let once = Once { pass_times, counters: counters.as_ref(), progress: &report };
-            let (times, total, result) = self.once(config, camera, request, &once)?;
+            let (times, total, result) = if method.progressive {
+                self.progressive(config, camera, request, &once)?
+            } else {
+                self.once(config, camera, request, &once)?
+            };
             if let Some(counters) = counters {
                 rays = self.rays(&counters)?;
             }
@@ -530,8 +503,8 @@ impl Renderer {
                     total,
                     Frame {
                         wall_ms: start.elapsed().as_secs_f64() * 1e3,
-                        path_count: config.vpl_shoot.paths(),
-                        min_distance: config.indirect.min_distance(self.area, &config.vpl_shoot),
+                        path_count: Some(config.vpl_shoot.paths()),
+                        min_distance: Some(config.indirect.min_distance(self.area, &config.vpl_shoot)),
                         ..frame
                     },
                 ));
@@ -584,6 +557,7 @@ impl Renderer {
             seed: config.seed,
             specular_depth: config.whitted.specular_depth,
             mirror_roughness: config.whitted.mirror_roughness,
+            energy_conserving: config.path_trace.energy_conserving.into(),
             ..self.gpu.data
         };
         let bytes = bytemuck::bytes_of(&data);
@@ -605,11 +579,18 @@ pub fn plan(
     requirements: &dyn Requirements,
 ) -> Result<Plan, Error> {
     config.validate()?;
+    let method = methods::named(config.method.name());
+    method.check(aovs)?;
     let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH)
         .with_visibility(config.indirect.visibility);
     let view = Window::of(config);
-    let info = view.frame(scene.area() as f32);
+    let mut info = view.frame(scene.area() as f32);
     let mut g = Graph::new();
+    if method.progressive {
+        let image = |name| g.declare_image(name, ImageDesc::new(view.extent, Format::Rgba32Float));
+        info.means = Some(progressive::means(aovs, image));
+        info.samples = 1;
+    }
     let recorded = record(&mut g, &kernels, config, &view, &info, aovs, &[], 0);
     Tickets::take(&mut g, config, recorded);
     Ok(g.plan(requirements)?)
@@ -626,7 +607,10 @@ struct Window {
 impl Window {
     fn of(config: &RenderConfig) -> Self {
         let [x0, y0, x1, y1] = config.window();
-        let (reach, cell) = (config.indirect.reach(), config.indirect.downsample);
+        let (reach, cell) = match config.method {
+            Method::Igi => (config.indirect.reach(), config.indirect.downsample),
+            Method::Path => (0, 1),
+        };
         // Whole cells, or the samples that stand for them would lie outside.
         let low = |at: u32| at.saturating_sub(reach) / cell * cell;
         let high = |at: u32, size: u32| (at + reach).next_multiple_of(cell).min(size);
@@ -641,7 +625,8 @@ impl Window {
     }
 
     fn frame(&self, area: f32) -> FrameInfo {
-        FrameInfo { origin: self.traced_origin, extent: self.traced_extent, area }
+        let (origin, extent) = (self.traced_origin, self.traced_extent);
+        FrameInfo { origin, extent, area, means: None, samples: 0 }
     }
 }
 
@@ -672,7 +657,7 @@ struct Once<'a> {
 struct Recorded {
     /// Beauty, then the layers asked for; with several pixel samples their means.
     images: Vec<Res<Image>>,
-    vpl_count: Res<graph::Buffer>,
+    vpl_count: Option<Res<graph::Buffer>>,
     regathered: Option<Res<graph::Buffer>>,
 }
 
@@ -698,10 +683,13 @@ fn record<'a>(
             Aov::Albedo => layers.gbuffer.albedo,
             Aov::N | Aov::Depth => geometry(g).normal_depth,
             Aov::P => geometry(g).position,
-            Aov::Direct => layers.direct,
-            Aov::Specular => layers.specular.unwrap_or_else(|| compose::black(g, layers.direct)),
-            Aov::Indirect => compose::indirect(g, &layers.gbuffer, layers.irradiance),
-            Aov::Irradiance => layers.irradiance,
+            Aov::Direct => part(layers.direct),
+            Aov::Specular => layers.specular.unwrap_or_else(|| compose::black(g, layers.beauty)),
+            Aov::Indirect => compose::indirect(g, &layers.gbuffer, part(layers.irradiance)),
+            Aov::Irradiance => part(layers.irradiance),
+            Aov::Variance => compose::variance(g, part(layers.halves)),
+            Aov::HalfA => part(layers.halves)[0],
+            Aov::HalfB => part(layers.halves)[1],
         });
     }
     if view.extent != info.extent {
@@ -716,12 +704,17 @@ fn record<'a>(
     Recorded { images, vpl_count: layers.vpl_count, regathered: layers.regathered }
 }
 
+/// A part that a method says it has.
+fn part<T>(part: Option<T>) -> T {
+    part.expect("methods draw the layers they name")
+}
+
 /// Promises of everything a frame brings back.
 struct Tickets {
     images: Vec<Ticket<[f32; 4]>>,
     display: Ticket<u8>,
     exposure: Ticket<f32>,
-    vpl_count: Ticket<u32>,
+    vpl_count: Option<Ticket<u32>>,
     regathered: Option<Ticket<u32>>,
 }
 
@@ -732,7 +725,7 @@ impl Tickets {
             images: recorded.images.iter().map(|&image| g.read_image(image)).collect(),
             display: g.read_image(display.image),
             exposure: g.read_buffer(display.exposure),
-            vpl_count: g.read_buffer(recorded.vpl_count),
+            vpl_count: recorded.vpl_count.map(|count| g.read_buffer(count)),
             regathered: recorded.regathered.map(|args| g.read_buffer(args)),
         }
     }
@@ -764,14 +757,16 @@ impl Tickets {
             exposure_ev: run.take(self.exposure).first().copied().unwrap_or_default(),
             aovs,
             taps,
-            vpl_count: run.take(self.vpl_count).first().copied().unwrap_or_default(),
+            vpl_count: self.vpl_count.and_then(|ticket| run.take(ticket).first().copied()),
             regathered: self.regathered.and_then(|ticket| run.take(ticket).last().copied()),
             passes: Vec::new(),
             total_ms: None,
             wall_ms: 0.0,
             rays: 0,
-            path_count: 0,
-            min_distance: 0.0,
+            path_count: None,
+            min_distance: None,
+            samples: None,
+            noise: None,
             peak_device_bytes: 0,
         }
     }

@@ -560,6 +560,16 @@ fn statistics_follow_their_schema() {
         json!(RenderConfig::default()).as_object().unwrap().len()
     );
 
+    let path = ["--method", "path", "--size", "8x8", "--spp", "3", "--aov", "variance", "-o", "p.exr"];
+    let output = folder.run(&[&["render", "wall.gltf", "--stats", "p.json"], &path[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let other = folder.json("p.json");
+    check(&schema, &schema, &other, "stats").unwrap();
+    assert_eq!((&other["samples"], &other["vpl_count"]), (&json!(3), &Value::Null));
+    assert!(other["noise"].as_f64().is_some() && stats["noise"].is_null());
+    let traced = |pass: &Value| pass["path"] == "path_trace/trace" && pass["rays"].as_u64() >= Some(3 * 64);
+    assert!(other["passes"].as_array().unwrap().iter().any(traced));
+
     // The schema refuses what is missing, what it does not know, and wrong types.
     for key in stats.as_object().unwrap().keys() {
         let mut broken = stats.clone();

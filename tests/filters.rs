@@ -582,9 +582,9 @@ fn subsets_hold_whole_paths_in_order() {
                 &camera,
                 &["vpl_shoot/compact:vpls", "vpl_shoot/compact:count"],
             );
-            assert_eq!(taps[1][0], frame.vpl_count);
-            let vpls: Vec<Vec<u32>> =
-                taps[0].chunks(11).take(frame.vpl_count as usize).map(<[u32]>::to_vec).collect();
+            let count = frame.vpl_count.unwrap();
+            assert_eq!(taps[1][0], count);
+            let vpls: Vec<Vec<u32>> = taps[0].chunks(11).take(count as usize).map(<[u32]>::to_vec).collect();
             (vpls, taps[1][1..].to_vec())
         };
         let (path, bounce) = (3, 7);

@@ -76,7 +76,7 @@ fn sampling_has_one_truth_and_the_right_densities() {
     for (dimension, seed) in [(0, 0), (1, 0), (2, 5), (3, 5), (40, 0), (66, 0xdead_beef)] {
         let mut g = Graph::new();
         let out_samples = g.buffer("samples", u64::from(count) * 48);
-        let out_bits = g.buffer("bits", u64::from(count) * 12);
+        let out_bits = g.buffer("bits", u64::from(count) * 20);
         let params = Params { count, dimension, seed, cos_max };
         g.pass("sampling", &kernel(), Bind { out_samples, out_bits }, params, Grid::Of([count, 1, 1]));
         let (samples, bits) = (g.read_buffer::<f32>(out_samples), g.read_buffer::<u32>(out_bits));
@@ -85,13 +85,14 @@ fn sampling_has_one_truth_and_the_right_densities() {
 
         let mut cells = [[0u32; 64]; 3];
         for i in 0..count {
-            let at = 3 * i as usize;
+            let at = 5 * i as usize;
             assert_eq!(
                 bits[at..at + 2],
                 sampling::halton_digits(dimension, i, seed),
                 "element {i} of {dimension}"
             );
             assert_eq!(bits[at + 2], sampling::hash(i ^ sampling::hash(seed)), "hash of {i}");
+            assert_eq!(bits[at + 3..at + 5], sampling::sobol_bits(i, seed), "Sobol' point {i}");
             let u = Vec2::new(sampling::halton(0, i, seed), sampling::halton(1, i, seed));
             let at = 12 * i as usize;
             let got = [0, 3, 6, 9].map(|k| Vec3::from_slice(&samples[at + k..at + k + 3]));

@@ -47,6 +47,35 @@ float halton(uint dimension, uint index, uint seed) {
     return min(float(digits.x) / float(digits.y), 0.99999994);
 }
 
+// Owen scrambling of binary digits, the least significant first: each is flipped by a hash of those below (Burley,
+// "Practical Hash-based Owen Scrambling", 2020; constants of Vegdahl, "Building a Better LK Hash", 2021).
+uint owen_scramble(uint digits, uint seed) {
+    digits ^= digits * 0x3d20adeau;
+    digits += seed;
+    digits *= (seed >> 16) | 1u;
+    digits ^= digits * 0x05526c56u;
+    digits ^= digits * 0x53a22864u;
+    return digits;
+}
+
+// Element `index` of an Owen-scrambled and shuffled (0, 2)-sequence (Sobol' 1967), digits after the binary point from the
+// top bit down. Every seed is another, independent one.
+uvec2 sobol_bits(uint index, uint seed) {
+    uint i = bitfieldReverse(owen_scramble(bitfieldReverse(index), hash(seed, 0u)));
+    uint j = i; // times Pascal's triangle modulo 2
+    j ^= (j >> 16) & 0x0000ffffu;
+    j ^= (j >> 8) & 0x00ff00ffu;
+    j ^= (j >> 4) & 0x0f0f0f0fu;
+    j ^= (j >> 2) & 0x33333333u;
+    j ^= (j >> 1) & 0x55555555u;
+    return bitfieldReverse(uvec2(owen_scramble(i, hash(seed, 1u)), owen_scramble(j, hash(seed, 2u))));
+}
+
+vec2 sobol(uint index, uint seed) {
+    uvec2 bits = sobol_bits(index, seed);
+    return vec2(unit_float(bits.x), unit_float(bits.y));
+}
+
 // Orthonormal basis around a unit vector (Duff et al. 2017).
 mat3 basis_around(vec3 n) {
     float s = n.z >= 0.0 ? 1.0 : -1.0;

@@ -12,9 +12,12 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= params.count) return;
     uvec2 digits = halton_digits(params.dimension, i, params.seed);
-    out_bits.data[3u * i] = digits.x;
-    out_bits.data[3u * i + 1u] = digits.y;
-    out_bits.data[3u * i + 2u] = hash(i, params.seed);
+    uvec2 sobol = sobol_bits(i, params.seed);
+    out_bits.data[5u * i] = digits.x;
+    out_bits.data[5u * i + 1u] = digits.y;
+    out_bits.data[5u * i + 2u] = hash(i, params.seed);
+    out_bits.data[5u * i + 3u] = sobol.x;
+    out_bits.data[5u * i + 4u] = sobol.y;
     vec2 u = vec2(halton(0u, i, params.seed), halton(1u, i, params.seed));
     vec3 sphere = sample_sphere(u);
     vec3 values[4] = vec3[4](sphere, sample_cone(u, params.cos_max), sample_cosine_hemisphere(u), basis_around(sphere)[0]);

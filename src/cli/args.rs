@@ -7,6 +7,7 @@ use parhelion::renderer::{Aov, BackendChoice};
 use parhelion::techniques::indirect::Visibility;
 use parhelion::vk::Backend;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Global illumination on any Vulkan device.
 #[derive(Parser)]
@@ -122,10 +123,41 @@ pub(super) struct Render {
     /// no triangle is split].
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = number)]
     pub(super) box_split: Option<f32>,
+    /// Paths a pixel of --method path: noise falls with the root [default: 64].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) spp: Option<u32>,
+    /// Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) max_depth: Option<u32>,
+    /// How it finds light: by asking lights and by chance, weighted, or by chance alone [default: mis].
+    #[arg(long, value_parser = ["mis", "naive"])]
+    pub(super) estimator: Option<String>,
+    /// Which light it counts [default: full].
+    #[arg(long, value_parser = ["full", "direct", "diffuse-indirect"])]
+    pub(super) transport: Option<String>,
+    /// Where in a pixel its paths begin: anywhere, or at the centre [default: box].
+    #[arg(long, value_parser = ["box", "center"])]
+    pub(super) pixel_filter: Option<String>,
+    /// Stop it after this time, such as 30s, 5m or 1h; --spp is a limit too only where it is given.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
+    pub(super) time: Option<Duration>,
+    /// Stop it where the picture's relative error is estimated to be no more than this, such as 0.01; --spp as above.
+    #[arg(long, value_name = "ERROR", allow_hyphen_values = true, value_parser = error)]
+    pub(super) noise: Option<f64>,
+    /// Refresh the pictures this often while it runs [default: 10s].
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
+    pub(super) preview: Option<Duration>,
+    /// Go on from a picture it wrote, to the same bits as without a break.
+    #[arg(long, value_name = "FILE.exr", conflicts_with = "repeat")]
+    pub(super) resume: Option<PathBuf>,
+    /// Light from all around: an equirectangular picture, or the same radiance everywhere (W/(sr m2)).
+    #[arg(long, value_name = "FILE.exr|FILE.hdr|R,G,B", allow_hyphen_values = true)]
+    pub(super) environment: Option<String>,
     /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
     #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
     pub(super) exposure: Option<String>,
-    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth.
+    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth; of
+    /// --method path albedo, N, P, depth, variance, half_a, half_b.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
     pub(super) aov: Vec<Aov>,
     /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
@@ -274,6 +306,25 @@ fn aov(text: &str) -> Result<Aov, String> {
     })
 }
 
+fn duration(text: &str) -> Result<Duration, String> {
+    let expected = || "expected a time, such as 30s, 5m or 1h".to_owned();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[digits.len()..] {
+        "s" | "" => 1.0,
+        "ms" => 1e-3,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(expected()),
+    };
+    let seconds = digits.parse::<f64>().map_err(|_| expected())? * unit;
+    Duration::try_from_secs_f64(seconds).ok().filter(|time| !time.is_zero()).ok_or_else(expected)
+}
+
+fn error(text: &str) -> Result<f64, String> {
+    let parsed = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
+    parsed.ok_or_else(|| "expected a number above 0, such as 0.01".into())
+}
+
 fn tap(text: &str) -> Result<(String, PathBuf), String> {
     let split = text.split_once('=').filter(|(tap, file)| tap.contains(':') && !file.is_empty());
     split.map(|(tap, file)| (tap.into(), file.into())).ok_or_else(|| "expected PASS:RESOURCE=FILE.exr".into())
@@ -304,6 +355,7 @@ mod tests {
             ("--bounces", config.vpl_shoot.bounces.to_string()),
             ("--visibility", config.indirect.visibility.name().into()),
             ("--pixel-samples", config.pixel_samples.to_string()),
+            ("--spp", config.path_trace.spp.to_string()),
             ("--seed", config.seed.to_string()),
         ] {
             let rest = &help[help.find(&format!("{option} <")).unwrap()..];

@@ -6,28 +6,38 @@ use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
 use super::{Failure, extension, input, interrupt, print, scene};
-use parhelion::config::RenderConfig;
+use glam::Vec3;
+use parhelion::config::{Method, RenderConfig};
+use parhelion::methods;
 use parhelion::output::{self, Attribute, Channels, Picture};
-use parhelion::renderer::{self, Aov, Frame, FrameRequest, Layer, Renderer, RendererOptions};
-use parhelion::scene::SceneProfile;
+use parhelion::renderer::{
+    self, Aov, Frame, FrameRequest, Layer, Preview, Renderer, RendererOptions, Resume,
+};
+use parhelion::scene::{Camera, Environment, SceneProfile};
+use parhelion::techniques::path_trace::PathTraceConfig;
 use parhelion::techniques::tone_map::OPERATOR;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let config = settings(args)?;
+    let method = methods::named(config.method.name());
+    method.check(&args.aov).map_err(|error| input!("--aov: {error}"))?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
     let reporter = Reporter::new(&args.common);
 
     let name = scene::name(&args.common);
-    let (scene, camera) = scene::load(&args.common, &reporter)?;
+    let environment = args.environment.as_deref().map(environment).transpose()?;
     let roughness = config.whitted.mirror_roughness;
+    let path = config.method == Method::Path;
+    let (scene, camera) = scene::load(&args.common, environment, path, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
-    if profile.rough_lobes {
+    if profile.rough_lobes && !path {
         reporter.note(&format!("specular lobes rougher than {roughness} are left out"));
     }
 
@@ -38,14 +48,33 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         RendererOptions { backend: args.common.backend.into(), visibility: config.indirect.visibility };
     let mut renderer = Renderer::new(&device, scene, &options)?;
 
+    let origin = Origin::of(&renderer, &camera);
+    let resume = args.resume.as_deref().map(|file| resume(file, args, &config, &origin)).transpose()?;
+
     reporter.stage("render", &name);
     interrupt::heeded();
     let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
+    // What can't be written shows when the last picture is.
+    let show = |frame: &Frame| {
+        for file in &outputs {
+            if let Err(error) = write(file, &origin, &config, frame) {
+                tracing::warn!("{error}");
+            }
+        }
+    };
     let request = FrameRequest {
         aovs: &args.aov,
         taps: &taps,
         repeat: args.repeat.unwrap_or(0),
+        time: args.time,
+        noise: args.noise,
+        resume: resume.as_ref(),
+        // Times are of renders that nothing interrupts.
+        preview: args
+            .repeat
+            .is_none()
+            .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show }),
         cancel: Some(&interrupt::CANCEL),
         progress: Some(&progress),
     };
@@ -64,23 +93,11 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     }
     report.push_str(&table(&frame));
     for file in &outputs {
-        if interrupt::CANCEL.load(Ordering::SeqCst) {
+        if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
             return Err(renderer::Error::Cancelled.into());
         }
-        if extension(file).as_deref() == Some("exr") {
-            output::write_exr(file, &picture(&config, &renderer, &frame))?;
-            let _ = writeln!(report, "{}: linear radiance, {}", file.display(), extent(&config));
-        } else {
-            let exposure = exposure(&config, &frame);
-            let texts = [
-                ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
-                ("Tone mapping", OPERATOR.to_owned()),
-                ("Exposure", exposure.clone()),
-            ];
-            output::write_png(file, frame.beauty.width, &frame.display, &texts)?;
-            let _ =
-                writeln!(report, "{}: {OPERATOR}, exposure {exposure}, {}", file.display(), extent(&config));
-        }
+        let what = write(file, &origin, &config, &frame)?;
+        let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
     }
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
         output::write_exr(file, &tapped(tap, layer))?;
@@ -92,7 +109,126 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let _ = writeln!(report, "{}: statistics", file.display());
     }
     drop(reporter);
-    if args.common.quiet { Ok(()) } else { print(&report) }
+    if !args.common.quiet {
+        print(&report)?;
+    }
+    // A progressive picture that was cut short is written, and is no success.
+    let cut =
+        interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < config.path_trace.spp);
+    if cut { Err(renderer::Error::Cancelled.into()) } else { Ok(()) }
+}
+
+/// Writes one picture; returns what it is.
+fn write(
+    file: &Path,
+    origin: &Origin,
+    config: &RenderConfig,
+    frame: &Frame,
+) -> Result<String, output::Error> {
+    if extension(file).as_deref() == Some("exr") {
+        output::write_exr(file, &picture(origin, config, frame))?;
+        return Ok("linear radiance".into());
+    }
+    let exposure = exposure(config, frame);
+    let texts = [
+        ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("Tone mapping", OPERATOR.to_owned()),
+        ("Exposure", exposure.clone()),
+    ];
+    output::write_png(file, frame.beauty.width, &frame.display, &texts)?;
+    Ok(format!("{OPERATOR}, exposure {exposure}"))
+}
+
+/// Where a picture comes from, for its header.
+struct Origin {
+    scene: String,
+    scene_hash: String,
+    device: String,
+    driver: String,
+    backend: &'static str,
+}
+
+impl Origin {
+    fn of(renderer: &Renderer, camera: &Camera) -> Self {
+        let info = renderer.device().info();
+        Self {
+            scene: renderer.scene().name.clone(),
+            scene_hash: format!("{:016x}", renderer.scene().fingerprint(camera)),
+            device: info.name.clone(),
+            driver: info.driver(),
+            backend: renderer.backend().0.name(),
+        }
+    }
+}
+
+/// The settings that decide which samples there are, as text; how many is not one of them.
+fn sampling(config: &RenderConfig) -> String {
+    let path_trace =
+        PathTraceConfig { spp: 0, max_depth: Some(config.max_depth()), ..config.path_trace.clone() };
+    serde_json::json!({ "method": config.method, "path_trace": path_trace }).to_string()
+}
+
+/// Reads what a render of the same picture left behind.
+fn resume(file: &Path, args: &Render, config: &RenderConfig, origin: &Origin) -> Result<Resume, Failure> {
+    let name = file.display();
+    let read = output::read_exr(file).map_err(Failure::input)?;
+    let text = |key: &str| match read.attributes.get(key) {
+        Some(Attribute::Text(text)) => Some(text.clone()),
+        Some(Attribute::Number(number)) => Some(number.to_string()),
+        None => None,
+    };
+    let samples = text("parhelion:samples").and_then(|n| n.parse().ok());
+    let Some(samples) = samples.filter(|&n: &u32| n > 0) else {
+        return Err(input!("--resume: {name}: not a picture that --method path wrote"));
+    };
+    let differs = |what: &str, there: String, here: String| {
+        input!("--resume: {name}: its {what} is {there}, not {here}")
+    };
+    let size = |[width, height]: [u32; 2]| format!("{width}x{height}");
+    if read.size != config.size {
+        return Err(differs("size", size(read.size), size(config.size)));
+    }
+    if read.window != config.window() {
+        return Err(differs("window", format!("{:?}", read.window), format!("{:?}", config.window())));
+    }
+    for (what, key, here) in [
+        ("scene hash", "parhelion:scene_hash", origin.scene_hash.clone()),
+        ("seed", "parhelion:seed", config.seed.to_string()),
+        ("backend", "parhelion:backend", origin.backend.to_owned()),
+        ("sampling", "parhelion:sampling", sampling(config)),
+    ] {
+        let there = text(key).unwrap_or_default();
+        if there != here {
+            return Err(differs(what, there, here));
+        }
+    }
+    let layer = |names: [&str; 3]| {
+        let [x0, y0, x1, y1] = read.window;
+        Some(Layer { width: x1 - x0, height: y1 - y0, channels: 3, data: read.interleaved(&names)? })
+    };
+    let Some(mean) = layer(["R", "G", "B"]) else {
+        return Err(input!("--resume: {name}: has no channels R, G and B"));
+    };
+    let halves = layer(["half_a.R", "half_a.G", "half_a.B"]).zip(layer(["half_b.R", "half_b.G", "half_b.B"]));
+    let halved = [Aov::Variance, Aov::HalfA, Aov::HalfB].iter().any(|aov| args.aov.contains(aov));
+    if halves.is_none() && (args.noise.is_some() || halved) {
+        return Err(input!(
+            "--resume: {name}: has no layers half_a and half_b, which --noise and --aov variance go on from"
+        ));
+    }
+    Ok(Resume { samples, mean, halves: halves.map(|(a, b)| [a, b]) })
+}
+
+/// A file, or three numbers.
+fn environment(word: &str) -> Result<Environment, Failure> {
+    let numbers: Option<Vec<f32>> = word.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|v| v.is_finite() && *v >= 0.0) => {
+            Ok(Environment::constant(Vec3::new(r, g, b)))
+        }
+        Some(_) => Err(input!("--environment: `{word}` is not three numbers of at least 0")),
+        None => Environment::load(Path::new(word)).map_err(|error| input!("--environment: {error}")),
+    }
 }
 
 /// Every picture to write, known to be writable before anything is computed.
@@ -142,15 +278,18 @@ fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, fr
         profile.triangles,
         if lights == 1 { "" } else { "s" },
     );
-    let _ = writeln!(
-        text,
-        "method: {}, {}, {} VPLs of {} paths, min distance {:.3} m",
-        config.method.name(),
-        extent(config),
-        frame.vpl_count,
-        frame.path_count,
-        frame.min_distance,
-    );
+    let _ = write!(text, "method: {}, {}", config.method.name(), extent(config));
+    if let (Some(vpls), Some(paths), Some(distance)) = (frame.vpl_count, frame.path_count, frame.min_distance)
+    {
+        let _ = write!(text, ", {vpls} VPLs of {paths} paths, min distance {distance:.3} m");
+    }
+    if let Some(samples) = frame.samples {
+        let _ = write!(text, ", {samples} samples a pixel, at most {} edges a path", config.max_depth());
+    }
+    if let Some(noise) = frame.noise {
+        let _ = write!(text, ", error about {:.2} %", 100.0 * noise);
+    }
+    text.push('\n');
     if let Some(pixels) = frame.regathered {
         let share = 100.0 * f64::from(pixels) / (frame.beauty.data.len() / 3) as f64;
         let _ = writeln!(text, "gathered again: {pixels} pixels ({share:.1} %)");
@@ -187,7 +326,7 @@ fn exposure(config: &RenderConfig, frame: &Frame) -> String {
     format!("{:+.2} EV{how}", frame.exposure_ev)
 }
 
-fn picture<'a>(config: &RenderConfig, renderer: &Renderer, frame: &'a Frame) -> Picture<'a> {
+fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Picture<'a> {
     let mut channels = vec![channels(&["R", "G", "B"].map(String::from), &frame.beauty)];
     for (aov, layer) in &frame.aovs {
         let suffixes: &[&str] = match aov {
@@ -202,26 +341,32 @@ fn picture<'a>(config: &RenderConfig, renderer: &Renderer, frame: &'a Frame) -> 
         channels.push(self::channels(&suffixes.iter().map(name).collect::<Vec<_>>(), layer));
     }
     let text = |value: &dyn ToString| Attribute::Text(value.to_string());
-    let info = renderer.device().info();
     let json = |value: serde_json::Result<String>| Attribute::Text(value.unwrap_or_default());
-    Picture {
-        size: config.size,
-        window: config.window(),
-        channels,
-        attributes: vec![
-            ("parhelion:version", text(&env!("CARGO_PKG_VERSION"))),
-            ("parhelion:scene", text(&renderer.scene().name)),
-            ("parhelion:method", text(&config.method.name())),
-            ("parhelion:settings", json(serde_json::to_string(config))),
-            ("parhelion:seed", Attribute::Number(config.seed.into())),
-            ("parhelion:device", text(&info.name)),
-            ("parhelion:driver", text(&info.driver())),
-            ("parhelion:backend", text(&renderer.backend().0.name())),
-            ("parhelion:times", json(serde_json::to_string(&frame.passes))),
-            ("parhelion:vpl_count", Attribute::Number(frame.vpl_count.into())),
-            ("parhelion:exposure_ev", Attribute::Number(frame.exposure_ev.into())),
-        ],
+    let number = |value: f64| Attribute::Number(value);
+    let mut attributes = vec![
+        ("parhelion:version", text(&env!("CARGO_PKG_VERSION"))),
+        ("parhelion:scene", text(&origin.scene)),
+        ("parhelion:scene_hash", text(&origin.scene_hash)),
+        ("parhelion:method", text(&config.method.name())),
+        ("parhelion:settings", json(serde_json::to_string(config))),
+        ("parhelion:seed", number(config.seed.into())),
+        ("parhelion:device", text(&origin.device)),
+        ("parhelion:driver", text(&origin.driver)),
+        ("parhelion:backend", text(&origin.backend)),
+        ("parhelion:times", json(serde_json::to_string(&frame.passes))),
+        ("parhelion:exposure_ev", number(frame.exposure_ev.into())),
+    ];
+    if let Some(count) = frame.vpl_count {
+        attributes.push(("parhelion:vpl_count", number(count.into())));
     }
+    if let Some(samples) = frame.samples {
+        attributes.push(("parhelion:samples", number(samples.into())));
+        attributes.push(("parhelion:sampling", text(&sampling(config))));
+    }
+    if let Some(noise) = frame.noise {
+        attributes.push(("parhelion:noise", number(noise)));
+    }
+    Picture { size: config.size, window: config.window(), channels, attributes }
 }
 
 fn tapped<'a>(tap: &str, layer: &'a Layer) -> Picture<'a> {

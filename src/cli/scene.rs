@@ -4,7 +4,7 @@ use super::args::Common;
 use super::progress::Reporter;
 use super::{Failure, input};
 use glam::Vec3;
-use parhelion::scene::{Camera, Scene, builtin};
+use parhelion::scene::{Camera, Environment, Scene, SceneProfile, builtin};
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -21,12 +21,20 @@ pub(super) fn stem(args: &Common) -> OsString {
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
 }
 
-/// Loads the scene, lit, and finds the camera; says what the user should know of them.
-pub(super) fn load(args: &Common, reporter: &Reporter) -> Result<(Scene, Camera), Failure> {
+/// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
+/// place of the scene's; with `emitters`, surfaces that shine and the environment are lights too.
+pub(super) fn load(
+    args: &Common,
+    environment: Option<Environment>,
+    emitters: bool,
+    reporter: &Reporter,
+) -> Result<(Scene, Camera), Failure> {
     reporter.stage("load", &name(args));
     let mut scene = super::load(args.scene.as_deref(), args.which.clone())?;
     let camera = camera(args, &scene)?;
-    if scene.lights.is_empty() && !args.no_headlight {
+    scene.environment = environment.or(scene.environment);
+    let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
+    if scene.lights.is_empty() && !args.no_headlight && !(emitters && shines(&scene)) {
         scene.add_headlight(&camera);
     }
     scene.notes.iter().for_each(|note| reporter.note(note));

@@ -2,7 +2,7 @@
 
 use super::args::Render;
 use super::{Failure, input};
-use parhelion::config::{ConfigError, RenderConfig};
+use parhelion::config::{ConfigError, MAX_SPP, Method, RenderConfig};
 
 /// Builds and checks the configuration; errors name the option, assignment or file they come from.
 pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
@@ -10,6 +10,11 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         Some(file) => RenderConfig::from_toml(file)?,
         None => RenderConfig::default(),
     };
+    // One limit needs no other, unless it is given.
+    let limited = args.time.is_some() || args.noise.is_some();
+    if limited && config.path_trace.spp == RenderConfig::default().path_trace.spp {
+        config.path_trace.spp = MAX_SPP;
+    }
     if let Some(preset) = &args.preset {
         config.apply_preset(preset)?;
     }
@@ -36,11 +41,44 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--filter", "indirect.filter", args.filter.clone()),
         ("--visibility", "indirect.visibility", args.visibility.clone()),
         ("--box-split", "indirect.box_split", args.box_split.map(|length| format!("{length:?}"))),
+        ("--spp", "path_trace.spp", args.spp.map(|spp| spp.to_string())),
+        ("--max-depth", "path_trace.max_depth", args.max_depth.map(|depth| depth.to_string())),
+        ("--estimator", "path_trace.estimator", args.estimator.clone()),
+        ("--transport", "path_trace.transport", args.transport.clone()),
+        ("--pixel-filter", "path_trace.pixel_filter", args.pixel_filter.clone()),
         ("--exposure", "tone_map.exposure", args.exposure.clone()),
     ];
     for (option, key, value) in &options {
         if let Some(value) = value {
             config.apply_override(&format!("{key}={value}")).map_err(|error| input!("{option}: {error}"))?;
+        }
+    }
+    let of = |method: Method| move |option| (option, method);
+    let groups = options.iter().filter(|(.., value)| value.is_some()).filter_map(|(option, key, _)| {
+        let method = match key.split('.').next() {
+            Some("path_trace") => Method::Path,
+            Some("whitted" | "indirect") => Method::Igi,
+            _ => return None,
+        };
+        Some((*option, method))
+    });
+    let path_only = [
+        ("--time", args.time.is_some()),
+        ("--noise", args.noise.is_some()),
+        ("--preview", args.preview.is_some()),
+        ("--resume", args.resume.is_some()),
+        ("--environment", args.environment.is_some()),
+    ];
+    let path_only = path_only.into_iter().filter_map(|(option, given)| given.then_some(option));
+    for (option, method) in
+        groups.chain(args.vpls.map(|_| "--vpls").map(of(Method::Igi))).chain(path_only.map(of(Method::Path)))
+    {
+        if method != config.method {
+            return Err(input!(
+                "{option}: method {} has no use for it, {} has",
+                config.method.name(),
+                method.name()
+            ));
         }
     }
     config.validate().map_err(|error| {

@@ -37,6 +37,7 @@ pub(super) fn stats(
             "materials": scene.materials.len(),
             "images": scene.images.len(),
             "lights": scene.lights.len(),
+            "environment": scene.environment.as_ref().map(|environment| &environment.name),
             "notes": scene.notes,
         },
         "profile": profile,
@@ -51,6 +52,8 @@ pub(super) fn stats(
         "vpl_count": frame.vpl_count,
         "path_count": frame.path_count,
         "min_distance": frame.min_distance,
+        "samples": frame.samples,
+        "noise": frame.noise,
         "regathered": frame.regathered,
         "exposure_ev": frame.exposure_ev,
         "structures": renderer.structures().iter().map(|structure| json!({

@@ -81,10 +81,12 @@ mod tests {
             total_ms: Some(8.0),
             wall_ms: 9.0,
             rays: 3_000_000,
-            vpl_count: 0,
+            vpl_count: None,
             regathered: None,
-            path_count: 0,
-            min_distance: 0.0,
+            path_count: None,
+            min_distance: None,
+            samples: None,
+            noise: None,
             peak_device_bytes: 0,
         }
     }

@@ -4,14 +4,28 @@
 //! Known bias: light of more than `bounces` diffuse bounces, light nearer than `min_distance`, and rough specular
 //! lobes are missing. Known noise: VPLs are shared by all pixels, so error shows as splotches, not grain.
 
-use super::{FrameInfo, Layers, Method};
+use super::{Aov, FrameInfo, Layers, Method};
 use crate::config::RenderConfig;
 use crate::graph::Graph;
 use crate::techniques::{Kernels, compose, gbuffer, indirect, vpl_shoot, whitted};
 
 /// The registry's entry.
-pub const METHOD: Method =
-    Method { name: "igi", about: "instant global illumination with virtual point lights", record };
+pub const METHOD: Method = Method {
+    name: "igi",
+    about: "instant global illumination with virtual point lights",
+    aovs: &[
+        Aov::Albedo,
+        Aov::N,
+        Aov::P,
+        Aov::Direct,
+        Aov::Specular,
+        Aov::Indirect,
+        Aov::Irradiance,
+        Aov::Depth,
+    ],
+    progressive: false,
+    record,
+};
 
 fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let min_distance = config.indirect.min_distance(frame.area, &config.vpl_shoot);
@@ -31,10 +45,11 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
         beauty,
         gbuffer,
         geometry,
-        direct,
+        direct: Some(direct),
         specular,
-        irradiance: indirect.irradiance,
-        vpl_count: vpls.count,
+        irradiance: Some(indirect.irradiance),
+        halves: None,
+        vpl_count: Some(vpls.count),
         regathered: indirect.regathered,
     }
 }

@@ -1,11 +1,81 @@
 //! Methods: ordered lists of techniques, nothing else.
 
 pub mod igi;
+pub mod path;
 
 use crate::config::RenderConfig;
 use crate::graph::{Buffer, Graph, Image, Res};
 use crate::techniques::Kernels;
 use crate::techniques::gbuffer::{GBuffer, Geometry};
+use crate::techniques::path_trace::Means;
+
+/// A layer beside beauty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Diffuse albedo that irradiance is multiplied with, 3 channels.
+    Albedo,
+    /// Unit shading normal in the world, turned to the camera, 3 channels.
+    N,
+    /// Position in the world (m), 3 channels.
+    P,
+    /// Radiance by emission and direct light, 3 channels.
+    Direct,
+    /// Radiance through mirrors and glass, 3 channels.
+    Specular,
+    /// Radiance by indirect light, 3 channels.
+    Indirect,
+    /// Indirect irradiance (W/m²), 3 channels.
+    Irradiance,
+    /// Distance along the viewing direction (m), 1 channel.
+    Depth,
+    /// Variance of beauty's mean, estimated by its halves (one degree of freedom), 3 channels.
+    Variance,
+    /// Radiance by samples 0, 2, 4, … alone, 3 channels.
+    HalfA,
+    /// Radiance by samples 1, 3, 5, … alone, 3 channels.
+    HalfB,
+}
+
+impl Aov {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::Albedo,
+        Self::N,
+        Self::P,
+        Self::Direct,
+        Self::Specular,
+        Self::Indirect,
+        Self::Irradiance,
+        Self::Depth,
+        Self::Variance,
+        Self::HalfA,
+        Self::HalfB,
+    ];
+
+    /// Its word on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Albedo => "albedo",
+            Self::N => "N",
+            Self::P => "P",
+            Self::Direct => "direct",
+            Self::Specular => "specular",
+            Self::Indirect => "indirect",
+            Self::Irradiance => "irradiance",
+            Self::Depth => "depth",
+            Self::Variance => "variance",
+            Self::HalfA => "half_a",
+            Self::HalfB => "half_b",
+        }
+    }
+
+    /// Channels of the layer.
+    #[must_use]
+    pub fn channels(self) -> usize {
+        if self == Self::Depth { 1 } else { 3 }
+    }
+}
 
 /// What a method draws. All images are of the window's size.
 #[derive(Clone, Copy, Debug)]
@@ -16,14 +86,16 @@ pub struct Layers {
     pub gbuffer: GBuffer,
     /// Normals, depths and positions, where the method has made them.
     pub geometry: Option<Geometry>,
-    /// Radiance by emission and direct light.
-    pub direct: Res<Image>,
-    /// Radiance through mirrors and glass, where there are any.
+    /// Radiance by emission and direct light, where it is apart.
+    pub direct: Option<Res<Image>>,
+    /// Radiance through mirrors and glass, where there are any and it is apart.
     pub specular: Option<Res<Image>>,
-    /// Indirect irradiance (W/m²).
-    pub irradiance: Res<Image>,
-    /// VPLs that exist.
-    pub vpl_count: Res<Buffer>,
+    /// Indirect irradiance (W/m²), where there is one.
+    pub irradiance: Option<Res<Image>>,
+    /// Beauty by every second sample, of progressive methods asked for it.
+    pub halves: Option<[Res<Image>; 2]>,
+    /// VPLs that exist, of methods that have some.
+    pub vpl_count: Option<Res<Buffer>>,
     /// Four unsigned integers, the last of them how many pixels no filter could serve; where some may be.
     pub regathered: Option<Res<Buffer>>,
 }
@@ -37,6 +109,10 @@ pub struct FrameInfo {
     pub extent: [u32; 2],
     /// The scene's surface (m²).
     pub area: f32,
+    /// What a progressive method has come to.
+    pub means: Option<Means>,
+    /// Samples a pixel that a progressive method takes in this graph.
+    pub samples: u32,
 }
 
 /// A way to render.
@@ -46,12 +122,45 @@ pub struct Method {
     pub name: &'static str,
     /// One line for help texts.
     pub about: &'static str,
-    /// Records one frame.
+    /// The layers it can draw.
+    pub aovs: &'static [Aov],
+    /// Whether a picture grows over many graphs, by [`FrameInfo::samples`] each; one graph draws it otherwise.
+    pub progressive: bool,
+    /// Records one graph.
     pub record: fn(&mut Graph<'_>, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
 }
 
 /// All methods there are.
-pub const REGISTRY: &[Method] = &[igi::METHOD];
+pub const REGISTRY: &[Method] = &[igi::METHOD, path::METHOD];
+
+impl Method {
+    /// Checks that the method can draw these layers.
+    ///
+    /// # Errors
+    /// Names the first that it can't.
+    pub fn check(&self, aovs: &[Aov]) -> Result<(), NoLayer> {
+        match aovs.iter().find(|aov| !self.aovs.contains(aov)) {
+            Some(aov) => Err(NoLayer { method: self.name, layer: aov.name(), there: self.aovs }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A layer that a method does not draw.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("method {method} has no layer `{layer}`; there are {}", names(.there))]
+pub struct NoLayer {
+    /// The method.
+    pub method: &'static str,
+    /// The layer asked for.
+    pub layer: &'static str,
+    /// Those there are.
+    pub there: &'static [Aov],
+}
+
+fn names(aovs: &[Aov]) -> String {
+    aovs.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(", ")
+}
 
 /// The method called `name`.
 ///

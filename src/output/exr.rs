@@ -3,7 +3,8 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, 
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
-use exr::prelude::{Compression, WritableImage};
+use exr::prelude::{Compression, ReadChannels, ReadLayers, WritableImage, read};
+use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
@@ -96,6 +97,65 @@ pub fn write_exr(file: &Path, picture: &Picture<'_>) -> Result<(), Error> {
     })
 }
 
+/// What a file of one part holds.
+#[derive(Clone, Debug, Default)]
+pub struct ReadPicture {
+    /// Width and height of the whole picture (pixels): the display window.
+    pub size: [u32; 2],
+    /// The part that is there, x0, y0, x1, y1 (pixels, ends exclusive): the data window.
+    pub window: [u32; 4],
+    /// Channels by their full names, rows from the top.
+    pub channels: BTreeMap<String, Vec<f32>>,
+    /// Attributes that are texts or numbers.
+    pub attributes: BTreeMap<String, Attribute>,
+}
+
+impl ReadPicture {
+    /// Channels side by side; `None` where one is missing.
+    #[must_use]
+    pub fn interleaved(&self, names: &[&str]) -> Option<Vec<f32>> {
+        let channels: Vec<_> = names.iter().map(|name| self.channels.get(*name)).collect::<Option<_>>()?;
+        let count = channels.first().map_or(0, |channel| channel.len());
+        Some((0..count).flat_map(|i| channels.iter().map(move |channel| channel[i])).collect())
+    }
+}
+
+/// Reads the first part of a file.
+///
+/// # Errors
+/// The file cannot be read, or is not an OpenEXR file of pixels.
+pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
+    let fail = |source| Error { file: file.into(), source };
+    let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let image = image.all_attributes().from_file(file).map_err(|error| {
+        fail(match error {
+            exr::error::Error::Io(error) => error,
+            other => io::Error::new(io::ErrorKind::InvalidData, other.to_string()),
+        })
+    })?;
+    let layer = &image.layer_data;
+    let display = image.attributes.display_window.size;
+    let (Vec2(x, y), Vec2(width, height)) = (layer.attributes.layer_position, layer.size);
+    let outside =
+        |_| fail(io::Error::new(io::ErrorKind::InvalidData, "its data window begins left of or above 0"));
+    let (x, y) = (u32::try_from(x).map_err(outside)?, u32::try_from(y).map_err(outside)?);
+    let channels = layer.channel_data.list.iter();
+    let utf8 = |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
+    let attributes = layer.attributes.other.iter().filter_map(|(name, value)| match value {
+        AttributeValue::Text(value) => Some((utf8(name), Attribute::Text(utf8(value)))),
+        AttributeValue::F64(value) => Some((utf8(name), Attribute::Number(*value))),
+        _ => None,
+    });
+    Ok(ReadPicture {
+        size: [display.0 as u32, display.1 as u32],
+        window: [x, y, x.saturating_add(width as u32), y.saturating_add(height as u32)],
+        channels: channels
+            .map(|channel| (utf8(&channel.name), channel.sample_data.values_as_f32().collect()))
+            .collect(),
+        attributes: attributes.collect(),
+    })
+}
+
 /// OpenEXR's strings are bytes; UTF-8 passes through.
 fn text(text: &str) -> Text {
     Text::from_slice_unchecked(text.as_bytes())
@@ -104,7 +164,6 @@ fn text(text: &str) -> Text {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use exr::prelude::{ReadChannels, ReadLayers, read};
 
     #[test]
     fn channels_windows_and_attributes_come_back() {
@@ -144,6 +203,17 @@ mod tests {
         for (index, name) in ["R", "G", "B"].iter().enumerate() {
             assert_eq!(channel(name), beauty.iter().skip(index).step_by(3).copied().collect::<Vec<_>>());
         }
+
+        let back = read_exr(&file).unwrap();
+        assert_eq!((back.size, back.window), (picture.size, picture.window));
+        assert_eq!(back.interleaved(&["R", "G", "B"]).unwrap(), beauty);
+        assert_eq!(back.interleaved(&["Z"]).unwrap(), depth);
+        assert!(back.interleaved(&["R", "A"]).is_none());
+        for (name, value) in &picture.attributes {
+            assert_eq!(&back.attributes[*name], value);
+        }
+        std::fs::write(&file, "no picture").unwrap();
+        assert!(read_exr(&file).unwrap_err().to_string().contains("a.exr: "));
     }
 
     #[test]

@@ -5,13 +5,13 @@ mod exr;
 mod file;
 mod png;
 
-pub use exr::{Attribute, Channels, Picture, write_exr};
+pub use exr::{Attribute, Channels, Picture, ReadPicture, read_exr, write_exr};
 pub use file::{check_writable, discard_unfinished, write_file};
 pub use png::write_png;
 
 use std::path::PathBuf;
 
-/// A file that cannot be written.
+/// A file that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}", file.display())]
 pub struct Error {

@@ -295,9 +295,9 @@ pub fn run<E: From<renderer::Error>>(
                 }
                 report.reference = Some(Reference {
                     vpls: REFERENCE_VPLS,
-                    vpl_count: frame.vpl_count,
+                    vpl_count: frame.vpl_count.unwrap_or_default(),
                     seed: config.seed,
-                    min_distance: frame.min_distance,
+                    min_distance: frame.min_distance.unwrap_or_default(),
                 });
                 reference = Some(layers);
                 finished(&report, None)?;
@@ -349,8 +349,8 @@ impl Row {
             label: approach.label,
             ours: approach.ours,
             vpls,
-            vpl_count: frame.vpl_count,
-            min_distance: frame.min_distance,
+            vpl_count: frame.vpl_count.unwrap_or_default(),
+            min_distance: frame.min_distance.unwrap_or_default(),
             rays: frame.rays,
             regathered: frame.regathered,
             frame_ms,

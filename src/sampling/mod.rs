@@ -60,6 +60,35 @@ pub fn halton(dimension: u32, index: u32, seed: u32) -> f32 {
     (numerator as f32 / denominator as f32).min(1.0f32.next_down())
 }
 
+/// Owen scrambling of binary digits, the least significant first: each is flipped by a hash of those below (Burley,
+/// "Practical Hash-based Owen Scrambling", 2020; constants of Vegdahl, "Building a Better LK Hash", 2021).
+fn owen_scramble(mut digits: u32, seed: u32) -> u32 {
+    digits ^= digits.wrapping_mul(0x3d20_adea);
+    digits = digits.wrapping_add(seed);
+    digits = digits.wrapping_mul((seed >> 16) | 1);
+    digits ^= digits.wrapping_mul(0x0552_6c56);
+    digits ^ digits.wrapping_mul(0x53a2_2864)
+}
+
+/// Element `index` of an Owen-scrambled and shuffled (0, 2)-sequence (Sobol' 1967), digits after the binary point from
+/// the top bit down. Every seed is another, independent one.
+#[must_use]
+pub fn sobol_bits(index: u32, seed: u32) -> [u32; 2] {
+    let part = |n: u32| hash(seed ^ hash(n));
+    let i = owen_scramble(index.reverse_bits(), part(0)).reverse_bits();
+    // Times Pascal's triangle modulo 2.
+    let masks = [0x0000_ffff, 0x00ff_00ff, 0x0f0f_0f0f, 0x3333_3333, 0x5555_5555];
+    let j = masks.iter().zip([16, 8, 4, 2, 1]).fold(i, |j, (mask, shift)| j ^ ((j >> shift) & mask));
+    [owen_scramble(i, part(1)).reverse_bits(), owen_scramble(j, part(2)).reverse_bits()]
+}
+
+/// [`sobol_bits`] as numbers in [0, 1), rounded down to 24 digits.
+#[must_use]
+pub fn sobol(index: u32, seed: u32) -> Vec2 {
+    let [x, y] = sobol_bits(index, seed).map(|bits| (bits >> 8) as f32 / 16_777_216.0);
+    Vec2::new(x, y)
+}
+
 /// Orthonormal basis whose third column is `n` (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
 #[must_use]
 pub fn basis_around(n: Vec3) -> Mat3 {
@@ -151,6 +180,43 @@ mod tests {
             let mean = (0..count).map(|i| pixel_offset(i, count)).sum::<Vec2>() / count as f32;
             assert!((mean - 0.5).abs().max_element() < 1e-6, "{count}: {mean}");
         }
+    }
+
+    /// Any 2^m elements that begin at a multiple of 2^m have one in each box of 2^-a × 2^-(m-a): a (0, m, 2)-net.
+    #[test]
+    fn sobol_points_are_nets() {
+        for (seed, m) in [0, 1, 77, 0xdead_beef].into_iter().flat_map(|seed| (0..=10).map(move |m| (seed, m)))
+        {
+            let start = (seed % 5) << m;
+            for a in 0..=m {
+                let mut seen = vec![false; 1 << m];
+                for index in start..start + (1 << m) {
+                    let [x, y] = sobol_bits(index, seed).map(u64::from);
+                    let column = (x << a) >> 32;
+                    let row = (y << (m - a)) >> 32;
+                    seen[((column << (m - a)) | row) as usize] = true;
+                }
+                assert!(seen.iter().all(|&s| s), "seed {seed}, 2^{m} points, 2^{a} columns");
+            }
+        }
+    }
+
+    /// Sums over few points of independent seeds vary as those of a jittered grid do, and have the mean of x·y.
+    #[test]
+    fn seeds_are_independent() {
+        let seeds = 4096;
+        let means = [1, 2, 16].map(|count| {
+            let of = |seed| {
+                (0..count).map(|i| sobol(i, hash(seed))).map(|p| p.x * p.y).sum::<f32>() / count as f32
+            };
+            let values: Vec<f64> = (0..seeds).map(|seed| f64::from(of(seed))).collect();
+            let mean = values.iter().sum::<f64>() / f64::from(seeds);
+            let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / f64::from(seeds);
+            assert!((mean - 0.25).abs() < 4.5 * (variance / f64::from(seeds)).sqrt(), "{count}: {mean}");
+            variance
+        });
+        assert!((means[0] / (7.0 / 144.0) - 1.0).abs() < 0.1, "one point is uniform: {means:?}");
+        assert!(means[2] < means[0] / 64.0, "sixteen are stratified: {means:?}");
     }
 
     #[test]

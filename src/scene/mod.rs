@@ -6,6 +6,7 @@
 mod camera;
 mod emitter;
 mod environment;
+mod fingerprint;
 mod import;
 mod light;
 mod material;

@@ -47,6 +47,16 @@ pub fn accumulate(g: &mut Graph<'_>, value: Res<Image>, mean: Res<Image>, count:
     });
 }
 
+/// Variance of the mean of all samples, estimated by the means of two halves of them.
+pub fn variance(g: &mut Graph<'_>, [half_a, half_b]: [Res<Image>; 2]) -> Res<Image> {
+    g.group("compose", |g| {
+        let out = g.image("variance", g.desc(half_a));
+        let bind = kernels::variance::Bind { half_a, half_b, out_variance: out };
+        g.pass("variance", &kernels::variance::kernel(), bind, kernels::variance::Params {}, Grid::Over(out));
+        out
+    })
+}
+
 /// An image like `like` without any light.
 pub fn black(g: &mut Graph<'_>, like: Res<Image>) -> Res<Image> {
     let out = g.image("black", g.desc(like));

@@ -4,6 +4,7 @@
 pub mod compose;
 pub mod gbuffer;
 pub mod indirect;
+pub mod path_trace;
 pub mod tone_map;
 pub mod vpl_shoot;
 pub mod whitted;
@@ -77,7 +78,7 @@ impl Kernels {
 }
 
 /// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
-pub(crate) const RAY_COUNTERS: [&str; 7] = [
+pub(crate) const RAY_COUNTERS: [&str; 8] = [
     "vpl_shoot/paths",
     "gbuffer/primary",
     "whitted/direct",
@@ -85,6 +86,7 @@ pub(crate) const RAY_COUNTERS: [&str; 7] = [
     "whitted/light",
     "indirect/gather",
     "indirect/regather",
+    "path_trace/trace",
 ];
 
 /// Cells a counter is spread over.

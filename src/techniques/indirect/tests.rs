@@ -575,7 +575,8 @@ fn many_submits_are_one_frame() {
     let uniform = device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
     let set = device.scene_set(Backend::Software, &uniform, structure.top_level()).unwrap();
     let kernels = Kernels::new(&SceneProfile::of(&scene, 0.1), structure.stack_depth());
-    let frame = FrameInfo { origin: [0, 0], extent: size, area: scene.area() as f32 };
+    let frame =
+        FrameInfo { origin: [0, 0], extent: size, area: scene.area() as f32, means: None, samples: 0 };
     for filter in FILTERS {
         let mut config = config(size, 3, 2);
         config.vpl_shoot.vpls = 60;
@@ -588,7 +589,8 @@ fn many_submits_are_one_frame() {
         let run = |submit_ms: f64| {
             let mut g = Graph::new();
             let layers = (methods::igi::METHOD.record)(&mut g, &kernels, &config, &frame);
-            let tickets = [layers.beauty, layers.irradiance].map(|image| g.read_image::<[u32; 4]>(image));
+            let tickets =
+                [layers.beauty, layers.irradiance.unwrap()].map(|image| g.read_image::<[u32; 4]>(image));
             let count = g.read_buffer::<u32>(layers.regathered.unwrap());
             let mut executor = Executor::new(&device, Backend::Software).unwrap();
             let options = RunOptions { scene: Some(&set), submit_ms, ..RunOptions::default() };

@@ -1,0 +1,232 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Some samples more of each pixel, one path a sample, into running means. A path is followed edge by edge from the
+// camera (Kajiya 1986); at each vertex one light is asked for light (next-event estimation), and what both that and the
+// path's next edge find is weighted by the power heuristic (Veach 1997, §9.2).
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "lib/bsdf.glsl"
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "lib/lights.glsl"
+#include "trace/trace.glsl"
+
+const uint TRANSPORT_FULL = 0u;
+const uint TRANSPORT_DIRECT = 1u;
+const uint TRANSPORT_DIFFUSE_INDIRECT = 2u;
+const uint CONNECT_NONE = 0u;
+const uint CONNECT_DELTA = 1u; // to lights that no ray finds
+const uint CONNECT_ALL = 2u;
+
+layout(constant_id = 0) const uint TRANSPORT = TRANSPORT_FULL;
+layout(constant_id = 1) const uint CONNECT = CONNECT_ALL;
+layout(constant_id = 2) const bool BOX_FILTER = true; // the pixel's centre otherwise
+layout(constant_id = 3) const bool FINDS_LIGHT = true; // rays may: something emits other than delta lights
+layout(constant_id = 4) const bool HALVES = true;
+
+layout(set = 1, binding = 0, rgba32f) uniform image2D mean; // w: samples it is of
+// Means of every second sample, from the first and from the second on; `mean` again where they are not asked for.
+layout(set = 1, binding = 1, rgba32f) uniform image2D half_a;
+layout(set = 1, binding = 2, rgba32f) uniform image2D half_b;
+layout(push_constant) uniform Params { uint samples; uint max_depth; uint roulette_depth; } params;
+
+// Sample sets of a path: a vertex takes five.
+const uint SET_PIXEL = 0u;
+const uint SET_DIRECTION = 1u;
+const uint SET_LOBE = 2u;
+const uint SET_LIGHT = 3u;
+const uint SET_LIGHT_CHOICE = 4u;
+const uint SET_ROULETTE = 5u;
+const uint SETS_A_VERTEX = 5u;
+
+uint pixel_seed;
+uint sample_index;
+uint rays = 0u;
+
+vec2 sample_2d(uint set, uint vertex) { return sobol(sample_index, hash(pixel_seed, set + vertex * SETS_A_VERTEX)); }
+float sample_1d(uint set, uint vertex) { return sample_2d(set, vertex).x; }
+
+// Of the sampling method with density p against one with q.
+float power_heuristic(float p, float q) {
+    float r = q / p;
+    return 1.0 / (1.0 + r * r);
+}
+
+// Share of light that passes from `origin` on, `distance` far: all or none but for surfaces of partial coverage.
+float visibility(vec3 origin, vec3 direction, float distance) {
+    ++rays;
+    if (!ALPHA_BLEND) return trace_any(origin, direction, 0.0, distance) ? 0.0 : 1.0;
+    float share = 1.0;
+    Hit hit;
+    while (trace_closest(origin, direction, 0.0, distance, hit)) {
+        Surface s = surface_at(hit);
+        share *= 1.0 - coverage(s.material);
+        if (share <= 0.0) return 0.0;
+        face(s, -direction);
+        vec3 beyond = offset_origin(s.position, -s.geometric_normal);
+        distance -= max(dot(beyond - origin, direction), 0.0);
+        origin = beyond;
+        ++rays;
+    }
+    return share;
+}
+
+// What the medium on the other side of a surface absorbs (1/m).
+vec3 absorption_behind(Surface s, bool front, vec3 absorption) {
+    if (!is_solid(s.material)) return absorption;
+    return front ? s.material.absorption : vec3(0.0);
+}
+
+// f·|cosθ| of what is being computed; `albedo` where that is diffuse.
+vec3 scattered(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, vec3 albedo, out float pdf) {
+    if (TRANSPORT != TRANSPORT_DIFFUSE_INDIRECT) return bsdf_evaluate(s, front, wo, wi, lobes, pdf);
+    pdf = dot(s.geometric_normal, wi) > 0.0 ? max(dot(s.normal, wi), 0.0) / PI : 0.0;
+    return albedo * pdf;
+}
+
+// Light that a source sends along an edge of its own to this vertex, and on towards wo.
+vec3 connect(Surface s, bool front, vec3 wo, uint lobes, vec3 albedo, uint vertex, vec3 absorption) {
+    vec3 from = offset_origin(s.position, s.geometric_normal);
+    LightSample light;
+    vec3 u = vec3(sample_1d(SET_LIGHT_CHOICE, vertex), sample_2d(SET_LIGHT, vertex));
+    if (!sample_light(from, u, light)) return vec3(0.0);
+    if (CONNECT == CONNECT_DELTA && !light.delta) return vec3(0.0);
+    float pdf;
+    vec3 f = scattered(s, front, wo, light.direction, lobes, albedo, pdf);
+    if (f == vec3(0.0)) return vec3(0.0);
+    if (!light.delta) f *= power_heuristic(light.pdf, pdf);
+    if (GLASS && dot(s.geometric_normal, light.direction) < 0.0) {
+        // From the other side to the same point.
+        vec3 to = from + light.distance * light.direction;
+        from = offset_origin(s.position, -s.geometric_normal);
+        light.distance = distance(from, to);
+        light.direction = (to - from) / light.distance;
+        absorption = absorption_behind(s, front, absorption);
+    }
+    if (VOLUMES) f *= exp(-absorption * light.distance);
+    return f * light.radiance_over_pdf * visibility(from, light.direction, light.distance);
+}
+
+// Radiance that arrives along a ray; W/(sr·m²).
+vec3 trace_path(Ray ray) {
+    vec3 sum = vec3(0.0), throughput = vec3(1.0), absorption = vec3(0.0);
+    // Of the last scattering: density of the direction, 0 where no light sample competes with it, and the lobe.
+    float pdf = 0.0;
+    uint lobe = LOBE_DELTA;
+    float scale = 1.0;   // of radiance, by refraction
+    float covered = 0.0; // distance since the last scattering, surfaces of partial coverage passed
+    uint passed = 0u;
+    uint depth = 1u; // of the edge ahead
+    while (true) {
+        Hit hit;
+        ++rays;
+        bool counts = TRANSPORT != TRANSPORT_DIFFUSE_INDIRECT || depth > 2u;
+        if (!trace_closest(ray.origin, ray.direction, 0.0, 1.0 / 0.0, hit)) {
+            if (ENVIRONMENT && counts) {
+                float weight = 1.0;
+                if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, environment_pdf(ray.direction));
+                sum += throughput * environment_radiance(ray.direction) * weight;
+            }
+            break;
+        }
+        Surface s = surface_at(hit);
+        vec3 wo = -ray.direction;
+        bool front = face(s, wo);
+        float length = distance(ray.origin, s.position);
+        covered += length;
+        if (VOLUMES) throughput *= exp(-absorption * length);
+        if (ALPHA_BLEND) {
+            float share = coverage(s.material);
+            if (share < 1.0 && unit_float(hash(pixel_seed, sample_index, ++passed)) >= share) {
+                ray.origin = offset_origin(s.position, -s.geometric_normal);
+                continue;
+            }
+        }
+        bool unlit = (s.material.flags & MATERIAL_UNLIT) != 0u;
+        vec3 emitted = emitted_radiance(s.material, front);
+        // Unlit surfaces are seen, also mirrored, but light nothing.
+        if (counts && emitted != vec3(0.0) && !(unlit && lobe == LOBE_DIFFUSE)) {
+            float weight = 1.0;
+            if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, light_pdf(hit, s, front, wo, covered));
+            sum += throughput * emitted * weight;
+        }
+        if (depth >= params.max_depth) break;
+
+        uint vertex = depth - 1u;
+        uint lobes = TRANSPORT == TRANSPORT_DIRECT ? LOBE_ALL & ~LOBE_DELTA : LOBE_ALL;
+        vec3 albedo = vec3(0.0);
+        bool connects = true;
+        if (TRANSPORT == TRANSPORT_DIFFUSE_INDIRECT) {
+            albedo = depth == 1u ? bsdf_diffuse(s, front, wo) : diffuse_albedo(s.material);
+            if (albedo == vec3(0.0)) break;
+            connects = depth > 1u;
+        }
+        if (CONNECT != CONNECT_NONE && connects) {
+            sum += throughput * connect(s, front, wo, lobes, albedo, vertex, absorption);
+        }
+        if (!FINDS_LIGHT && depth + 1u == params.max_depth) break;
+
+        vec2 u = sample_2d(SET_DIRECTION, vertex);
+        if (TRANSPORT == TRANSPORT_DIFFUSE_INDIRECT) {
+            vec3 local = sample_cosine_hemisphere(u);
+            ray.direction = basis_around(s.normal) * local;
+            if (dot(s.geometric_normal, ray.direction) <= 0.0) break;
+            throughput *= albedo;
+            pdf = local.z / PI;
+            lobe = LOBE_DIFFUSE;
+        } else {
+            BsdfSample b;
+            if (!bsdf_sample(s, front, wo, vec3(u, sample_1d(SET_LOBE, vertex)), lobes, b)) break;
+            throughput *= b.weight;
+            ray.direction = b.direction;
+            pdf = b.pdf;
+            lobe = b.lobe;
+            scale *= b.eta * b.eta;
+        }
+        bool behind = dot(s.geometric_normal, ray.direction) < 0.0;
+        ray.origin = offset_origin(s.position, behind ? -s.geometric_normal : s.geometric_normal);
+        if (VOLUMES && behind) absorption = absorption_behind(s, front, absorption);
+        covered = 0.0;
+        ++depth;
+        if (depth > params.roulette_depth) {
+            float survival = min(max_component(throughput) * scale, 0.95);
+            if (sample_1d(SET_ROULETTE, vertex) >= survival) break;
+            throughput /= survival;
+        }
+    }
+    return sum;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, imageSize(mean)))) return;
+    uvec2 place = uvec2(pixel) + scene.window_origin;
+    uint seed = hash(place.x, place.y, scene.seed);
+    vec4 all = imageLoad(mean, pixel), a = vec4(0.0), b = vec4(0.0);
+    if (HALVES) {
+        a = imageLoad(half_a, pixel);
+        b = imageLoad(half_b, pixel);
+    }
+    for (uint i = 0u; i < params.samples; ++i) {
+        // Halves have sequences of their own, or they would not tell how much a pixel varies.
+        uint half_index = uint(all.w) & 1u;
+        pixel_seed = hash(seed, half_index);
+        sample_index = uint(all.w) >> 1;
+        vec2 offset_in_pixel = BOX_FILTER ? sobol(sample_index, hash(pixel_seed, SET_PIXEL)) : vec2(0.5);
+        vec3 radiance = trace_path(camera_ray(uvec2(pixel), offset_in_pixel));
+        all.w += 1.0;
+        all.rgb += (radiance - all.rgb) / all.w;
+        if (HALVES && half_index == 0u) {
+            a.w += 1.0;
+            a.rgb += (radiance - a.rgb) / a.w;
+        } else if (HALVES) {
+            b.w += 1.0;
+            b.rgb += (radiance - b.rgb) / b.w;
+        }
+    }
+    imageStore(mean, pixel, all);
+    if (HALVES) {
+        imageStore(half_a, pixel, a);
+        imageStore(half_b, pixel, b);
+    }
+    count_rays(COUNT_PATH_TRACE, rays);
+}

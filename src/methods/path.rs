@@ -1,0 +1,36 @@
+//! Path tracing: the reference (see [`path_trace`]).
+//!
+//! The layers `albedo`, `N`, `P` and `depth` are those of the pixel's centre. Radiance is not split by kind; instead
+//! `path_trace.transport` draws one kind alone.
+
+use super::{Aov, FrameInfo, Layers, Method};
+use crate::config::RenderConfig;
+use crate::graph::Graph;
+use crate::techniques::{Kernels, gbuffer, path_trace};
+
+/// The registry's entry.
+pub const METHOD: Method = Method {
+    name: "path",
+    about: "path tracing, the reference",
+    aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB],
+    progressive: true,
+    record,
+};
+
+/// # Panics
+/// Without means to add to.
+fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
+    let means = frame.means.expect("progressive methods are given means");
+    path_trace::path_trace(g, k, &config.path_trace, config.max_depth(), &means, frame.samples);
+    Layers {
+        beauty: means.all,
+        gbuffer: gbuffer::gbuffer(g, k, frame.origin, frame.extent),
+        geometry: None,
+        direct: None,
+        specular: None,
+        irradiance: None,
+        halves: means.halves,
+        vpl_count: None,
+        regathered: None,
+    }
+}

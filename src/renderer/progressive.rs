@@ -1,0 +1,294 @@
+//! Pictures that grow: passes of some samples each add to running means that outlive their graphs, until there are
+//! enough samples, the time is over, the noise is low enough or the caller has seen enough. Which samples come in which
+//! pass never shows.
+
+use super::{
+    Error, Frame, FrameRequest, Layer, Once, Progress, Recorded, Renderer, Tickets, Window, add_times, record,
+};
+use crate::config::RenderConfig;
+use crate::graph::{self, Graph, Image, PassTime, Res, RunOptions};
+use crate::methods::{Aov, FrameInfo};
+use crate::scene::Camera;
+use crate::techniques::{Kernels, path_trace::Means};
+use crate::vk::{self, Format};
+use glam::Vec2;
+use std::fmt;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Seconds a pass should take: what Ctrl-C and `--time` wait for.
+const PASS_SECONDS: f64 = 0.25;
+
+/// Edges a thread follows in one pass at most: some drivers end shaders' loops after 65 535 rounds in all.
+const PASS_EDGES: u32 = 128;
+
+/// Samples before which noise is not estimated.
+const LEAST_SAMPLES: u32 = 16;
+
+/// What a progressive render has come to: enough to go on from it to the same bits as without a break, on the same
+/// device and backend with the same settings and seed. All layers have three channels and the window's size.
+#[derive(Clone, Debug)]
+pub struct Resume {
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Beauty.
+    pub mean: Layer,
+    /// The layers [`Aov::HalfA`] and [`Aov::HalfB`], which only those two, [`Aov::Variance`] and a limit to noise need.
+    pub halves: Option<[Layer; 2]>,
+}
+
+/// Shows a picture on the way.
+#[derive(Clone, Copy)]
+pub struct Preview<'a> {
+    /// Time between two previews.
+    pub every: Duration,
+    /// Is shown everything the final frame has but passes and times.
+    pub show: &'a dyn Fn(&Frame),
+}
+
+impl fmt::Debug for Preview<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Preview").field("every", &self.every).finish_non_exhaustive()
+    }
+}
+
+/// Relative error of a picture by two independent halves of its samples, `a` of one more or as many as `b`: the root of
+/// the relative mean squared error ([`crate::metrics::rel_mse`]) to be expected of `mean`.
+#[must_use]
+pub fn noise(mean: &[f32], a: &[f32], b: &[f32], samples: u32) -> f64 {
+    let (n, count) = (f64::from(samples), mean.len().max(1) as f64);
+    let share = f64::from(samples.div_ceil(2)) / n * (f64::from(samples / 2) / n);
+    let average = mean.iter().map(|&m| f64::from(m)).sum::<f64>() / count;
+    let terms = mean.iter().zip(a.iter().zip(b)).map(|(&m, (&a, &b))| {
+        let variance = share * (f64::from(a) - f64::from(b)).powi(2);
+        if variance == 0.0 { 0.0 } else { variance / (f64::from(m).powi(2) + 0.01 * average * average) }
+    });
+    (terms.sum::<f64>() / count).sqrt()
+}
+
+/// The means that drawing `aovs` takes.
+pub(super) fn means(aovs: &[Aov], mut image: impl FnMut(&'static str) -> Res<Image>) -> Means {
+    let halves = aovs.iter().any(|aov| matches!(aov, Aov::Variance | Aov::HalfA | Aov::HalfB));
+    Means { all: image("mean"), halves: halves.then(|| [image("half_a"), image("half_b")]) }
+}
+
+/// Images that outlive the graphs, and what they hold.
+struct State {
+    all: vk::Image,
+    halves: Option<[vk::Image; 2]>,
+    samples: u32,
+    /// Whether the images hold anything; black or `contents` is what they begin with.
+    begun: bool,
+    contents: Option<Vec<Vec<u8>>>,
+}
+
+/// What decides a picture, once for all its graphs.
+struct Session<'a> {
+    config: &'a RenderConfig,
+    request: &'a FrameRequest<'a>,
+    kernels: Kernels,
+    view: Window,
+}
+
+impl State {
+    fn new(
+        device: &vk::Device,
+        extent: [u32; 2],
+        halves: bool,
+        resume: Option<&Resume>,
+    ) -> Result<Self, Error> {
+        let image = |name| device.image(name, extent, Format::Rgba32Float);
+        let all = image("mean")?;
+        let halves = if halves { Some([image("half_a")?, image("half_b")?]) } else { None };
+        let samples = resume.map_or(0, |resume| resume.samples);
+        let contents = resume.map(|resume| contents(resume, extent, halves.is_some())).transpose()?;
+        Ok(Self { all, halves, samples, begun: false, contents })
+    }
+
+    /// The images in a graph, with a first content where they have none.
+    fn import<'a>(&'a self, g: &mut Graph<'a>) -> Means {
+        let all = g.import_image("mean", &self.all);
+        let halves =
+            self.halves.as_ref().map(|[a, b]| [g.import_image("half_a", a), g.import_image("half_b", b)]);
+        if !self.begun {
+            let images = std::iter::once(all).chain(halves.into_iter().flatten());
+            for (index, image) in images.enumerate() {
+                match &self.contents {
+                    Some(contents) => g.upload_image("resume", image, contents[index].clone()),
+                    None => g.clear_image("begin", image),
+                }
+            }
+        }
+        Means { all, halves }
+    }
+}
+
+impl Session<'_> {
+    /// Records the method, with `samples` samples more.
+    fn record<'g>(
+        &self,
+        g: &mut Graph<'g>,
+        area: f32,
+        state: &'g State,
+        samples: u32,
+        aovs: &[Aov],
+    ) -> (Means, Recorded) {
+        let means = state.import(g);
+        let info = FrameInfo { means: Some(means), samples, ..self.view.frame(area) };
+        (means, record(g, &self.kernels, self.config, &self.view, &info, aovs, &[], 0))
+    }
+}
+
+/// Texels of the means, the number of samples behind each colour.
+fn contents(resume: &Resume, extent: [u32; 2], halves: bool) -> Result<Vec<Vec<u8>>, Error> {
+    let n = resume.samples;
+    let mut layers = vec![(&resume.mean, n)];
+    if halves {
+        let Some([a, b]) = &resume.halves else {
+            return Err(Error::Resume(
+                "there are no layers half_a and half_b, which noise and variance need".into(),
+            ));
+        };
+        layers.extend([(a, n.div_ceil(2)), (b, n / 2)]);
+    }
+    let texels = |(layer, samples): (&Layer, u32)| {
+        if [layer.width, layer.height] != extent || layer.channels != 3 {
+            let (given, [width, height]) = ((layer.width, layer.height), extent);
+            return Err(Error::Resume(format!(
+                "{}x{} pixels in place of {width}x{height}",
+                given.0, given.1
+            )));
+        }
+        let texels = layer.data.chunks_exact(3).flat_map(|c| [c[0], c[1], c[2], samples as f32]);
+        Ok(bytemuck::cast_slice(&texels.collect::<Vec<f32>>()).to_vec())
+    };
+    layers.into_iter().map(texels).collect()
+}
+
+impl Renderer {
+    /// Takes samples until one of the limits is reached.
+    pub(super) fn progressive(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        request: &FrameRequest<'_>,
+        once: &Once<'_>,
+    ) -> Result<(Vec<PassTime>, Option<f64>, Frame), Error> {
+        let start = Instant::now();
+        let view = Window::of(config);
+        let halves = request.noise.is_some()
+            || request.aovs.iter().any(|aov| matches!(aov, Aov::Variance | Aov::HalfA | Aov::HalfB));
+        let mut state = State::new(&self.device, view.extent, halves, request.resume)?;
+        self.write_uniform(config, camera, Vec2::splat(0.5), once.counters)?;
+        let kernels = self.kernels(config.whitted.mirror_roughness);
+        let session = Session { config, request, kernels, view };
+        // A tap that is not there is known before the first sample.
+        let mut g = Graph::new();
+        session.record(&mut g, self.area, &state, 0, request.aovs);
+        request.taps.iter().try_for_each(|spec| g.tap(spec).map(drop))?;
+        drop(g);
+        let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
+        let target = config.path_trace.spp;
+        let (first, mut next_check) = (state.samples, LEAST_SAMPLES.max(state.samples));
+        let (mut times, mut total) = (Vec::new(), Some(0.0));
+        let (mut seconds_a_sample, mut shown) = (None, start);
+        let most = (PASS_EDGES / config.max_depth()).max(1);
+
+        while state.samples < target && !cancelled() && request.time.is_none_or(|time| start.elapsed() < time)
+        {
+            if request.noise.is_some() && state.samples >= next_check {
+                // At numbers of samples that no clock decides.
+                next_check = state.samples + (state.samples / 4).max(2);
+                if self.noise_of(&state)? <= request.noise.unwrap_or_default() {
+                    break;
+                }
+            }
+            let fitting = seconds_a_sample.map_or(1, |seconds: f64| (PASS_SECONDS / seconds) as u32);
+            let mut samples = fitting.clamp(1, most).min(target - state.samples);
+            if request.noise.is_some() && next_check > state.samples {
+                samples = samples.min(next_check - state.samples);
+            }
+            let pass_start = Instant::now();
+            let done = |share: f64| {
+                let now = f64::from(state.samples - first) + share * f64::from(samples);
+                let by_samples = now / f64::from(target - first);
+                let by_time = request.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
+                by_time.map_or(by_samples, |by_time| by_time.max(by_samples)).min(1.0)
+            };
+            let report =
+                |p: graph::Progress<'_>| (once.progress)(Progress { pass: p.pass, done: done(p.done) });
+            let mut g = Graph::new();
+            session.record(&mut g, self.area, &state, samples, &[]);
+            let options = RunOptions {
+                scene: Some(&self.set),
+                progress: Some(&report),
+                pass_times: once.pass_times,
+                ..RunOptions::default()
+            };
+            let run = self.executor.run(g, &options)?;
+            state.begun = true;
+            add_times(&mut times, &run.passes);
+            total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
+            state.samples += samples;
+            seconds_a_sample = Some((pass_start.elapsed().as_secs_f64() / f64::from(samples)).max(1e-9));
+            if let Some(preview) = request.preview
+                && shown.elapsed() >= preview.every
+                && state.samples < target
+            {
+                let (_, frame) = self.finish(&session, &state, false)?;
+                (preview.show)(&frame);
+                shown = Instant::now();
+            }
+        }
+        if state.samples == 0 {
+            return Err(Error::Cancelled);
+        }
+        let (run, mut frame) = self.finish(&session, &state, once.pass_times)?;
+        add_times(&mut times, &run.passes);
+        total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
+        frame.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok((times, total, frame))
+    }
+
+    /// The picture as it is.
+    fn finish(
+        &mut self,
+        session: &Session<'_>,
+        state: &State,
+        pass_times: bool,
+    ) -> Result<(graph::Run, Frame), Error> {
+        let &Session { config, request, .. } = session;
+        let mut g = Graph::new();
+        let (means, recorded) = session.record(&mut g, self.area, state, 0, request.aovs);
+        let halves = means.halves.map(|halves| halves.map(|half| g.read_image::<[f32; 4]>(half)));
+        let tickets = Tickets::take(&mut g, config, recorded);
+        let taps: Result<Vec<_>, graph::Error> =
+            request.taps.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect();
+        let taps = taps?;
+        let options = RunOptions { scene: Some(&self.set), pass_times, ..RunOptions::default() };
+        let mut run = self.executor.run(g, &options)?;
+        let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));
+        let mut frame = tickets.redeem(&mut run, session.view.extent, request.aovs, taps);
+        frame.samples = Some(state.samples);
+        let halves = halves.filter(|_| state.samples > 1);
+        frame.noise = halves.map(|[a, b]| noise(&frame.beauty.data, &a, &b, state.samples));
+        Ok((run, frame))
+    }
+
+    fn noise_of(&mut self, state: &State) -> Result<f64, Error> {
+        let mut g = Graph::new();
+        let Means { all, halves } = state.import(&mut g);
+        let tickets = std::iter::once(all).chain(halves.into_iter().flatten());
+        let tickets: Vec<_> = tickets.map(|image| g.read_image::<[f32; 4]>(image)).collect();
+        let mut run = self.executor.run(g, &RunOptions::default())?;
+        let images: Vec<_> = tickets.into_iter().map(|ticket| colours(&run.take(ticket))).collect();
+        Ok(match &images[..] {
+            [mean, a, b] => noise(mean, a, b, state.samples),
+            _ => f64::INFINITY,
+        })
+    }
+}
+
+fn colours(texels: &[[f32; 4]]) -> Vec<f32> {
+    texels.iter().flat_map(|texel| [texel[0], texel[1], texel[2]]).collect()
+}
