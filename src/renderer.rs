@@ -418,18 +418,15 @@ impl Renderer {
             let counters = (run == 0).then(|| self.counters()).transpose()?;
             let pass_times = run <= request.repeat;
             let once = Once { pass_times, counters: counters.as_ref(), progress: &report };
-            let (times, total, result) = if method.progressive {
-                self.progressive(config, camera, request, &once)?
-            } else {
-                self.once(config, camera, request, &once)?
-            };
+            let render = if method.progressive { Self::progressive } else { Self::once };
+            let (times, total, result) = render(self, config, camera, request, &once)?;
             if let Some(counters) = counters {
                 rays = self.rays(&counters)?;
             }
             if run == 0 && runs > 1 && !cpu {
                 let again = Once { pass_times, counters: None, progress: &report };
                 while begun.elapsed() < WARM_UP {
-                    self.once(config, camera, request, &again)?;
+                    render(self, config, camera, request, &again)?;
                 }
             }
             if pass_times && (run > 0 || runs == 1) {
@@ -475,9 +472,7 @@ impl Renderer {
             let last = sample + 1 == samples;
             let tickets = last.then(|| Tickets::take(&mut g, config, recorded));
             let specs = if last { request.taps } else { &[] };
-            let taps: Result<Vec<_>, graph::Error> =
-                specs.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect();
-            let taps = taps?;
+            let taps = taps(&mut g, specs)?;
             let report = |p: graph::Progress<'_>| {
                 (once.progress)(Progress {
                     pass: p.pass,
@@ -707,6 +702,11 @@ fn record<'a>(
 /// A part that a method says it has.
 fn part<T>(part: Option<T>) -> T {
     part.expect("methods draw the layers they name")
+}
+
+/// Asks for what each `PASS:RESOURCE` names.
+fn taps(g: &mut Graph<'_>, specs: &[String]) -> Result<Vec<(String, Tap)>, graph::Error> {
+    specs.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect()
 }
 
 /// Promises of everything a frame brings back.

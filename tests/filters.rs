@@ -3,6 +3,8 @@
 
 mod common;
 
+use common::quad;
+
 use std::collections::BTreeSet;
 
 use glam::{Affine3A, Vec3, vec3};
@@ -18,16 +20,6 @@ const UPSAMPLES: [Upsample; 2] = [Upsample::Paper, Upsample::Plane];
 const PATTERNS: [Pattern; 2] = [Pattern::Regular, Pattern::Irregular];
 
 // ---- scenes ----
-
-/// A parallelogram with corner `o` and edges `u`, `v`.
-fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
-    Mesh {
-        positions: vec![o, o + u, o + u + v, o + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        materials: vec![material; 2],
-        ..Mesh::default()
-    }
-}
 
 fn point_light(position: Vec3, intensity: f32) -> Light {
     Light {

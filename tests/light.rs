@@ -3,6 +3,8 @@
 
 mod common;
 
+use common::quad;
+
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use parhelion::accel::Geometry;
 use parhelion::config::RenderConfig;
@@ -19,16 +21,6 @@ use std::f32::consts::PI;
 use std::path::Path;
 
 // ---- scenes ----
-
-/// A parallelogram with corner `o` and edges `u`, `v`; its front is the side of u × v.
-fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
-    Mesh {
-        positions: vec![o, o + u, o + u + v, o + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        materials: vec![material; 2],
-        ..Mesh::default()
-    }
-}
 
 fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, lights: Vec<Light>) -> Scene {
     let instances = (0..meshes.len() as u32)
@@ -435,6 +427,35 @@ fn directional_light_between_plates() {
     let lit = 2.0 * f64::from(-direction.y);
     assert_close("direct light on the floor", at(&e.direct, 0.0), lit, 1e-4);
     assert_close("indirect light on the ceiling", at(&e.indirect, 1.0), f64::from(rho) * lit * 0.1998, 0.02);
+}
+
+/// Light from afar reaches every point of a slope that nothing stands before: no triangle shadows itself.
+#[test]
+fn directional_light_leaves_no_speck_dark() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (n, side) = (40, 0.5);
+    let (right, down) = (Vec3::X * side, Vec3::new(0.0, -0.3_f32.sin(), 0.3_f32.cos()) * side);
+    let at = |i: u32| {
+        let (x, y) = (f32::from((i % (n + 1)) as u16), f32::from((i / (n + 1)) as u16));
+        right * (x - 0.5 * n as f32) + down * (y - 0.5 * n as f32)
+    };
+    let corner = |i: u32| i % n + i / n * (n + 1);
+    let halves = |c: u32| [[c, c + n + 1, c + 1], [c + 1, c + n + 1, c + n + 2]];
+    let slope = Mesh {
+        positions: (0..(n + 1) * (n + 1)).map(at).collect(),
+        triangles: (0..n * n).flat_map(|i| halves(corner(i))).collect(),
+        materials: vec![0; 2 * (n * n) as usize],
+        ..Mesh::default()
+    };
+    for angle in [1.5_f32, 1.9] {
+        let direction = Vec3::new(0.0, -angle.sin(), -angle.cos());
+        let sun = Light { kind: LightKind::Directional, direction, ..point_light(Vec3::ZERO, Vec3::ONE) };
+        let mut renderer = software(&device, scene(vec![slope.clone()], vec![gray(0.5)], vec![sun]));
+        let camera = Camera::look_at("", Vec3::new(0.0, 18.0, 6.0), Vec3::ZERO, 0.7);
+        let frame = picture(&mut renderer, &config(128, 128), &camera, &[Aov::Direct]);
+        let dark = frame.aovs[0].1.data.iter().filter(|&&v| v == 0.0).count();
+        assert_eq!(dark, 0, "at {angle}");
+    }
 }
 
 // ---- specular ----

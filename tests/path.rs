@@ -6,6 +6,8 @@
 
 mod common;
 
+use common::quad;
+
 use glam::{Affine3A, Vec3};
 use parhelion::config::{Method, RenderConfig};
 use parhelion::metrics;
@@ -26,16 +28,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 // ---- scenes ----
-
-/// A parallelogram with corner `o` and edges `u`, `v`; its front is the side of u × v.
-fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
-    Mesh {
-        positions: vec![o, o + u, o + u + v, o + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        materials: vec![material; 2],
-        ..Mesh::default()
-    }
-}
 
 /// A geodesic sphere that faces outwards, its normals smooth.
 fn ball(center: Vec3, radius: f32, material: u32) -> Mesh {

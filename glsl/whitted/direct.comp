@@ -33,7 +33,7 @@ void main() {
                 vec3 arriving = unshadowed(LightArray(scene.lights)[i].at, x, source);
                 if (arriving == vec3(0.0)) continue;
                 ++rays;
-                if (!trace_any(source, origin - source, 0.0, 1.0)) irradiance += arriving;
+                if (!trace_any(origin, source - origin, 0.0, 1.0)) irradiance += arriving;
             }
             radiance += reflectance * irradiance / PI;
         }

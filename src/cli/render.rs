@@ -210,7 +210,7 @@ fn resume(file: &Path, args: &Render, config: &RenderConfig, origin: &Origin) ->
         return Err(input!("--resume: {name}: has no channels R, G and B"));
     };
     let halves = layer(["half_a.R", "half_a.G", "half_a.B"]).zip(layer(["half_b.R", "half_b.G", "half_b.B"]));
-    let halved = [Aov::Variance, Aov::HalfA, Aov::HalfB].iter().any(|aov| args.aov.contains(aov));
+    let halved = args.aov.iter().any(|aov| aov.takes_halves());
     if halves.is_none() && (args.noise.is_some() || halved) {
         return Err(input!(
             "--resume: {name}: has no layers half_a and half_b, which --noise and --aov variance go on from"

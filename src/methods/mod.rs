@@ -70,6 +70,12 @@ impl Aov {
         }
     }
 
+    /// Whether it takes independent halves of a progressive picture's samples.
+    #[must_use]
+    pub fn takes_halves(self) -> bool {
+        matches!(self, Self::Variance | Self::HalfA | Self::HalfB)
+    }
+
     /// Channels of the layer.
     #[must_use]
     pub fn channels(self) -> usize {

@@ -3,7 +3,8 @@
 //! pass never shows.
 
 use super::{
-    Error, Frame, FrameRequest, Layer, Once, Progress, Recorded, Renderer, Tickets, Window, add_times, record,
+    Error, Frame, FrameRequest, Layer, Once, Progress, Recorded, Renderer, Tickets, Window, add_times,
+    record, taps,
 };
 use crate::config::RenderConfig;
 use crate::graph::{self, Graph, Image, PassTime, Res, RunOptions};
@@ -68,7 +69,7 @@ pub fn noise(mean: &[f32], a: &[f32], b: &[f32], samples: u32) -> f64 {
 
 /// The means that drawing `aovs` takes.
 pub(super) fn means(aovs: &[Aov], mut image: impl FnMut(&'static str) -> Res<Image>) -> Means {
-    let halves = aovs.iter().any(|aov| matches!(aov, Aov::Variance | Aov::HalfA | Aov::HalfB));
+    let halves = aovs.iter().any(|aov| aov.takes_halves());
     Means { all: image("mean"), halves: halves.then(|| [image("half_a"), image("half_b")]) }
 }
 
@@ -176,8 +177,7 @@ impl Renderer {
     ) -> Result<(Vec<PassTime>, Option<f64>, Frame), Error> {
         let start = Instant::now();
         let view = Window::of(config);
-        let halves = request.noise.is_some()
-            || request.aovs.iter().any(|aov| matches!(aov, Aov::Variance | Aov::HalfA | Aov::HalfB));
+        let halves = request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
         let mut state = State::new(&self.device, view.extent, halves, request.resume)?;
         self.write_uniform(config, camera, Vec2::splat(0.5), once.counters)?;
         let kernels = self.kernels(config.whitted.mirror_roughness);
@@ -185,7 +185,7 @@ impl Renderer {
         // A tap that is not there is known before the first sample.
         let mut g = Graph::new();
         session.record(&mut g, self.area, &state, 0, request.aovs);
-        request.taps.iter().try_for_each(|spec| g.tap(spec).map(drop))?;
+        taps(&mut g, request.taps)?;
         drop(g);
         let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
         let target = config.path_trace.spp;
@@ -262,9 +262,7 @@ impl Renderer {
         let (means, recorded) = session.record(&mut g, self.area, state, 0, request.aovs);
         let halves = means.halves.map(|halves| halves.map(|half| g.read_image::<[f32; 4]>(half)));
         let tickets = Tickets::take(&mut g, config, recorded);
-        let taps: Result<Vec<_>, graph::Error> =
-            request.taps.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect();
-        let taps = taps?;
+        let taps = taps(&mut g, request.taps)?;
         let options = RunOptions { scene: Some(&self.set), pass_times, ..RunOptions::default() };
         let mut run = self.executor.run(g, &options)?;
         let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));

@@ -11,6 +11,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use glam::Vec3;
+use parhelion::scene::Mesh;
 use parhelion::vk::{Device, DeviceOptions};
 
 /// Passes `present` on; where it is false, says that the test is skipped, or fails where `need` is required.
@@ -77,4 +79,14 @@ pub(crate) fn ray_query_device() -> Option<(Guard, Device)> {
 pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     require("shared", found.exists(), &format!("no ../shared/{path}")).then_some(found)
+}
+
+/// A parallelogram with corner `o` and edges `u`, `v`; its front is the side of u × v.
+pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
+    Mesh {
+        positions: vec![o, o + u, o + u + v, o + v],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![material; 2],
+        ..Mesh::default()
+    }
 }
