@@ -107,9 +107,22 @@ pub struct Preset {
     pub name: &'static str,
     /// One line for help texts.
     pub about: &'static str,
-    /// What it assigns, as for [`RenderConfig::apply_override`].
+    /// What it assigns, as for [`RenderConfig::apply_override`], once all accelerations are off.
     pub settings: &'static [&'static str],
 }
+
+/// What every preset begins with: the paper's VPLs, and every acceleration off.
+const CANONICAL: [&str; 9] = [
+    "vpl_shoot.vpls=180",
+    "pixel_samples=1",
+    "indirect.visibility=exact",
+    "indirect.box_split=auto",
+    "indirect.downsample=1",
+    "indirect.upsample=paper",
+    "indirect.interleave=1",
+    "indirect.pattern=regular",
+    "indirect.filter=paper",
+];
 
 /// Figures 5 to 7 of Marques & Santos 2010, each with all that the one before it has, and our own choice at the
 /// paper's number of VPLs. They leave the size of the picture, its camera and `min_distance` alone.
@@ -118,78 +131,29 @@ pub struct Preset {
 /// as relMSE): 1.65 ms and 0.054, where the paper's filters on the same samples take 1.44 ms and leave 0.125, irregular
 /// tiles 1.86 ms, 2×2 tiles of 2×2 windows 2.4 ms, downsampling alone 2.7 ms, and all of it 12.0 ms.
 pub const PRESETS: &[Preset] = &[
-    Preset {
-        name: "paper-canonical",
-        about: "180 VPLs, every pixel and every VPL",
-        settings: &[
-            "vpl_shoot.vpls=180",
-            "pixel_samples=1",
-            "indirect.visibility=exact",
-            "indirect.box_split=auto",
-            "indirect.downsample=1",
-            "indirect.upsample=paper",
-            "indirect.interleave=1",
-            "indirect.pattern=regular",
-            "indirect.filter=paper",
-        ],
-    },
+    Preset { name: "paper-canonical", about: "180 VPLs, every pixel and every VPL", settings: &[] },
     Preset {
         name: "paper-imperfect",
         about: "and triangles' bounding boxes in place of triangles for VPLs",
-        settings: &[
-            "vpl_shoot.vpls=180",
-            "pixel_samples=1",
-            "indirect.visibility=boxes",
-            "indirect.box_split=auto",
-            "indirect.downsample=1",
-            "indirect.upsample=paper",
-            "indirect.interleave=1",
-            "indirect.pattern=regular",
-            "indirect.filter=paper",
-        ],
+        settings: &["indirect.visibility=boxes"],
     },
     Preset {
         name: "paper-downsampled",
         about: "and 4x4 downsampling",
-        settings: &[
-            "vpl_shoot.vpls=180",
-            "pixel_samples=1",
-            "indirect.visibility=boxes",
-            "indirect.box_split=auto",
-            "indirect.downsample=4",
-            "indirect.upsample=paper",
-            "indirect.interleave=1",
-            "indirect.pattern=regular",
-            "indirect.filter=paper",
-        ],
+        settings: &["indirect.visibility=boxes", "indirect.downsample=4"],
     },
     Preset {
         name: "paper-interleaved",
         about: "and 3x3 interleaved sampling",
-        settings: &[
-            "vpl_shoot.vpls=180",
-            "pixel_samples=1",
-            "indirect.visibility=boxes",
-            "indirect.box_split=auto",
-            "indirect.downsample=4",
-            "indirect.upsample=paper",
-            "indirect.interleave=3",
-            "indirect.pattern=regular",
-            "indirect.filter=paper",
-        ],
+        settings: &["indirect.visibility=boxes", "indirect.downsample=4", "indirect.interleave=3"],
     },
     Preset {
         name: "fast",
         about: "exact visibility, 4x4 and 3x3 with the edge-aware filter",
         settings: &[
-            "vpl_shoot.vpls=180",
-            "pixel_samples=1",
-            "indirect.visibility=exact",
-            "indirect.box_split=auto",
             "indirect.downsample=4",
             "indirect.upsample=plane",
             "indirect.interleave=3",
-            "indirect.pattern=regular",
             "indirect.filter=combined",
         ],
     },
@@ -284,7 +248,7 @@ impl RenderConfig {
             let problem = format!("no preset `{name}`; there are {}", names.join(", "));
             ConfigError::Value { key: "preset".into(), problem }
         })?;
-        preset.settings.iter().try_for_each(|assignment| self.apply_override(assignment))
+        CANONICAL.iter().chain(preset.settings).try_for_each(|assignment| self.apply_override(assignment))
     }
 
     /// Checks every range its fields' documentation states.

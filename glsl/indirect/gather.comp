@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Irradiance at gather samples from a range of their VPLs. Added to `sum` from the second range on. Two threads share a
-// sample's VPLs: shorter loops leave less of a GPU waiting for the last of them. With interleaved sampling a workgroup
+// Irradiance at gather samples from a range of their VPLs. Added to `sum` from the second range on. Eight threads share
+// a sample's VPLs: shorter loops leave less of a GPU waiting for the last of them. With interleaved sampling a workgroup
 // takes samples of one subset, whose rays start at the same VPLs.
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 8) in;
 #include "lib/camera.glsl"

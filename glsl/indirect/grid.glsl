@@ -13,8 +13,6 @@ layout(constant_id = 1) const uint DOWNSAMPLE = 1u;
 layout(constant_id = 2) const uint INTERLEAVE = 1u; // 1, 2 or 3
 layout(constant_id = 3) const bool IRREGULAR = false;
 
-const uint MAX_SUBSETS = 9u;
-
 uvec2 first_cell() {
     uvec2 origin = scene.window_origin;
     return DOWNSAMPLE > 1u ? origin / DOWNSAMPLE : origin;
@@ -33,7 +31,7 @@ vec2 grid_position(ivec2 pixel) {
     return (vec2(uvec2(pixel) + scene.window_origin) - float(n / 2u)) / float(n);
 }
 
-// A permutation of the cells of a tile, affine modulo 2 or 3 (where a unit is its own inverse) and perhaps transposed.
+// From the cells of a tile to subsets: affine modulo 2 or 3 (where a unit is its own inverse) and perhaps transposed.
 struct Permutation {
     uint a, b, c;
     uvec2 shift;
@@ -50,19 +48,6 @@ Permutation permutation(uvec2 tile) {
     p.shift = uvec2((h >> 16) & 0x3fu, (h >> 22) & 0x3fu) % m;
     p.transpose = (h >> 28 & 1u) != 0u;
     return p;
-}
-
-// Which subset the sample of a cell uses.
-uint subset_of(uvec2 cell) {
-    if (INTERLEAVE == 1u) return 0u;
-    uint m = INTERLEAVE;
-    uvec2 at = cell % m;
-    if (IRREGULAR) {
-        Permutation p = permutation(cell / m);
-        if (p.transpose) at = at.yx;
-        at = uvec2(p.a * at.x + p.b * at.y + p.shift.x, p.c * at.y + p.shift.y) % m;
-    }
-    return at.y * m + at.x;
 }
 
 // The cell of a tile that uses a subset.

@@ -15,9 +15,9 @@ void main() {
     uint listed = min(args.points, params.capacity);
     uint last = min(params.last, scene.light_count + count.vpls);
     if (gl_WorkGroupID.y > 0u || index >= listed || params.first >= last) return;
-    uint slices = (last - params.first + SLICE - 1u) / SLICE;
-    if (listed * slices > params.room) return;
+    uint sources = last - params.first;
+    if (listed * sources > params.room) return;
     vec3 sum = vec3(0.0);
-    for (uint s = 0u; s < slices; ++s) sum += parts.data[s * listed + index];
+    for (uint s = 0u; s < sources; ++s) sum += parts.data[s * listed + index];
     points.data[index].irradiance += sum;
 }

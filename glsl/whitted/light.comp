@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper. Where the list is
-// short a thread takes one point and a slice of the sources, and collect.comp adds them up; else it takes them all.
+// short a thread takes one point and one source, and collect.comp adds them up; else it takes them all.
 // Neighbours in the list are neighbours in the picture, so their rays to the same source stay together.
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
@@ -17,20 +17,20 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint fi
 #include "whitted/sources.glsl"
 
 void main() {
-    uint index = gl_GlobalInvocationID.x, slice = gl_WorkGroupID.y;
+    uint index = gl_GlobalInvocationID.x, part = gl_WorkGroupID.y;
     uint listed = min(args.points, params.capacity);
     uint last = min(params.last, source_count());
     if (index >= listed || params.first >= last) return;
-    uint slices = (last - params.first + SLICE - 1u) / SLICE;
-    bool shared_out = listed * slices <= params.room;
-    if (slice >= (shared_out ? slices : 1u)) return;
+    uint sources = last - params.first;
+    bool shared_out = listed * sources <= params.room;
+    if (part >= (shared_out ? sources : 1u)) return;
     uint rays = 0u;
     Receiver x = points.data[index].receiver;
     if (shared_out) {
-        uint first = params.first + slice * SLICE;
-        parts.data[slice * listed + index] = irradiance_from(x, first, min(first + SLICE, last), params.min_distance, rays);
+        uint source = params.first + part;
+        parts.data[part * listed + index] = irradiance_from(x, source, source + 1u, params.min_distance, rays);
     } else {
-        points.data[index].irradiance += irradiance_in_slices(x, params.first, last, params.min_distance, rays);
+        points.data[index].irradiance += irradiance_from(x, params.first, last, params.min_distance, rays);
     }
     count_rays(COUNT_SPECULAR_LIGHT, rays);
 }

@@ -6,7 +6,6 @@
 
 const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of one workgroup of light.comp
-const uint SLICE = 1u;   // lights and VPLs that one thread takes in a row
 
 struct Reached {
     Receiver receiver;

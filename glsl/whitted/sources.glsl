@@ -32,13 +32,4 @@ vec3 irradiance_from(Receiver x, uint first, uint last, float min_distance, inou
     return sum;
 }
 
-// Always slice by slice, so that it does not show how many threads share the work.
-vec3 irradiance_in_slices(Receiver x, uint first, uint last, float min_distance, inout uint rays) {
-    vec3 sum = vec3(0.0);
-    for (; first < last; first += SLICE) {
-        sum += irradiance_from(x, first, min(first + SLICE, last), min_distance, rays);
-    }
-    return sum;
-}
-
 #endif

@@ -96,7 +96,7 @@ void main() {
                 vec3 irradiance = vec3(0.0);
                 for (uint first = 0u; first < source_count(); first += params.range) {
                     uint end = min(first + params.range, source_count());
-                    irradiance += irradiance_in_slices(receiver_at(surface), first, end, params.min_distance, rays);
+                    irradiance += irradiance_from(receiver_at(surface), first, end, params.min_distance, rays);
                 }
                 radiance += reflected * irradiance;
             }

@@ -59,23 +59,21 @@
 //! use parhelion::graph::{Executor, Graph, Grid, RuntimeKernel, RunOptions};
 //! use parhelion::vk::{Backend, Device, DeviceOptions};
 //!
-//! # fn kernel() -> RuntimeKernel { unimplemented!() }
-//! # fn main() -> Result<(), parhelion::graph::Error> {
-//! let device = Device::open(&DeviceOptions::default())?;
-//! let mut executor = Executor::new(&device, Backend::Software)?;
-//! // A kernel with `writeonly buffer Squares { uint data[]; } squares` and a parameter `uint count`.
-//! let kernel: RuntimeKernel = kernel();
+//! /// The kernel has a `writeonly buffer Squares { uint data[]; } squares` and a parameter `uint count`.
+//! fn squares(kernel: &RuntimeKernel) -> Result<(), parhelion::graph::Error> {
+//!     let device = Device::open(&DeviceOptions::default())?;
+//!     let mut executor = Executor::new(&device, Backend::Software)?;
 //!
-//! let mut g = Graph::new();
-//! let squares = g.buffer("squares", 4 * 1000);
-//! let bind = [("squares", squares.into())];
-//! g.pass_named("square", &kernel, &bind, &[("count", 1000_u32.into())], Grid::Of([1000, 1, 1]))?;
-//! let ticket = g.read_buffer::<u32>(squares);
+//!     let mut g = Graph::new();
+//!     let squares = g.buffer("squares", 4 * 1000);
+//!     let bind = [("squares", squares.into())];
+//!     g.pass_named("square", kernel, &bind, &[("count", 1000_u32.into())], Grid::Of([1000, 1, 1]))?;
+//!     let ticket = g.read_buffer::<u32>(squares);
 //!
-//! let mut run = executor.run(g, &RunOptions::default())?;
-//! println!("{:?} in {:?} ms", run.take(ticket), run.rollup().ms);
-//! # Ok(())
-//! # }
+//!     let mut run = executor.run(g, &RunOptions::default())?;
+//!     println!("{:?} in {:?} ms", run.take(ticket), run.rollup().ms);
+//!     Ok(())
+//! }
 //! ```
 
 mod check;

@@ -22,8 +22,6 @@ use crate::vk::Format;
 
 /// Lights and VPLs that one pass takes; bounded as [`super::indirect::RANGE`] is.
 const RANGE: u32 = 256;
-/// As in `glsl/whitted/reached.glsl`.
-const SLICE: u32 = 1;
 
 /// How the tree of specular rays grows.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -88,8 +86,8 @@ pub fn tree(
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
             let args = g.buffer("light_args", 16);
-            let slices = RANGE.min(k.lights() + vpls.slots).div_ceil(SLICE);
-            g.upload("none", args, bytemuck::cast_slice(&[0, slices, 1, 0]).to_vec());
+            let sources = RANGE.min(k.lights() + vpls.slots);
+            g.upload("none", args, bytemuck::cast_slice(&[0, sources, 1, 0]).to_vec());
             let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
             g.pass(
                 "tree",
