@@ -507,7 +507,7 @@ mod tests {
             ("indirect.filter", "\"combined\""),
             ("indirect.depth_threshold", "0.1"),
             ("indirect.normal_threshold", "0.5"),
-            ("indirect.plane_threshold", "0.5"),
+            ("indirect.plane_threshold", "0.75"),
             ("indirect.plane_cosine", "0.5"),
             ("indirect.visibility", "\"boxes-plane\""),
             ("indirect.box_split", "0.5"),

@@ -5,6 +5,7 @@
 extern crate shaderc_link as _;
 
 pub mod accel;
+pub mod chart;
 #[cfg(feature = "compile")]
 mod compile;
 pub mod config;

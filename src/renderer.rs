@@ -126,7 +126,8 @@ pub struct FrameRequest<'a> {
     pub aovs: &'a [Aov],
     /// Resources as passes left them, each `PASS:RESOURCE`; of the last pixel sample.
     pub taps: &'a [String],
-    /// 0: render once. N: render once to warm up, on a GPU for half a second, then N times, and report medians.
+    /// 0: render once. N: render once for the picture and, on a GPU for half a second, to warm up, then N times without
+    /// bringing anything back, and report medians.
     pub repeat: u32,
     /// Progressive methods stop after this time.
     pub time: Option<Duration>,
@@ -194,7 +195,8 @@ pub struct Frame {
     /// Milliseconds on the device of the whole frame: median over repeats. Where passes overlap it is less than
     /// their sum: a GPU renders each repeat twice, the second time without timing passes.
     pub total_ms: Option<f64>,
-    /// Milliseconds from the first submit to the last download, of the last repeat.
+    /// Milliseconds from the first submit to the end of the last one, of the last repeat; without repeats to the end of
+    /// the last download.
     pub wall_ms: f64,
     /// Rays of one render.
     pub rays: u64,
@@ -407,6 +409,7 @@ impl Renderer {
         let mut rays = HashMap::new();
         let mut timed = Vec::new();
         let mut totals = Vec::new();
+        let mut wall_ms = 0.0;
         let mut frame = None;
         for run in 0..runs {
             let report = |progress: Progress<'_>| {
@@ -414,33 +417,37 @@ impl Renderer {
                     report(Progress { done: (f64::from(run) + progress.done) / f64::from(runs), ..progress });
                 }
             };
-            // Rays are counted in the first run only: the warm-up, where there is one.
-            let counters = (run == 0).then(|| self.counters()).transpose()?;
+            // The picture comes with the first run, the warm-up where there is one. Later ones bring nothing back: a GPU
+            // that waits for its host between frames lowers its clocks.
+            let picture = run == 0;
+            let counters = picture.then(|| self.counters()).transpose()?;
             let pass_times = run <= request.repeat;
-            let once = Once { pass_times, counters: counters.as_ref(), progress: &report };
+            let once = Once { picture, pass_times, counters: counters.as_ref(), progress: &report };
             let render = if method.progressive { Self::progressive } else { Self::once };
-            let (times, total, result) = render(self, config, camera, request, &once)?;
+            let rendered = render(self, config, camera, request, &once)?;
             if let Some(counters) = counters {
                 rays = self.rays(&counters)?;
             }
-            if run == 0 && runs > 1 && !cpu {
-                let again = Once { pass_times, counters: None, progress: &report };
+            if picture && runs > 1 && !cpu {
+                let again = Once { picture: false, pass_times, counters: None, progress: &report };
                 while begun.elapsed() < WARM_UP {
                     render(self, config, camera, request, &again)?;
                 }
             }
             if pass_times && (run > 0 || runs == 1) {
-                timed.push(times);
+                timed.push(rendered.times);
             }
             if run + request.repeat >= runs || runs == 1 {
-                totals.push(total);
+                totals.push(rendered.total);
             }
-            frame = Some(result);
+            wall_ms = rendered.wall_ms;
+            frame = frame.or(rendered.frame);
         }
         let frame = frame.ok_or(Error::Cancelled)?;
         Ok(Frame {
             passes: summarise(&timed, &rays),
             total_ms: median(totals),
+            wall_ms,
             rays: rays.values().sum(),
             peak_device_bytes: self.device.memory().peak,
             ..frame
@@ -454,7 +461,7 @@ impl Renderer {
         camera: &Camera,
         request: &FrameRequest<'_>,
         once: &Once<'_>,
-    ) -> Result<(Vec<PassTime>, Option<f64>, Frame), Error> {
+    ) -> Result<Rendered, Error> {
         let start = Instant::now();
         let view = Window::of(config);
         let info = view.frame(self.area);
@@ -463,15 +470,14 @@ impl Renderer {
         let samples = config.pixel_samples;
         let means = self.means(config, request.aovs)?;
         let pixels = u64::from(info.extent[0]) * u64::from(info.extent[1]);
-        let mut times = Vec::new();
-        let mut total = Some(0.0);
+        let mut rendered = Rendered::new();
         for sample in 0..samples {
             self.write_uniform(config, camera, pixel_offset(sample, samples), once.counters)?;
             let mut g = Graph::new();
             let recorded = record(&mut g, &kernels, config, &view, &info, request.aovs, &means, sample);
             let last = sample + 1 == samples;
-            let tickets = last.then(|| Tickets::take(&mut g, config, recorded));
-            let specs = if last { request.taps } else { &[] };
+            let tickets = if last { Tickets::take(&mut g, config, recorded, once.picture) } else { None };
+            let specs = if tickets.is_some() { request.taps } else { &[] };
             let taps = taps(&mut g, specs)?;
             let report = |p: graph::Progress<'_>| {
                 (once.progress)(Progress {
@@ -489,23 +495,15 @@ impl Renderer {
                 ..RunOptions::default()
             };
             let mut run = self.executor.run(g, &options)?;
-            add_times(&mut times, &run.passes);
-            total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
-            if let Some(tickets) = tickets {
-                let frame = tickets.redeem(&mut run, view.extent, request.aovs, taps);
-                return Ok((
-                    times,
-                    total,
-                    Frame {
-                        wall_ms: start.elapsed().as_secs_f64() * 1e3,
-                        path_count: Some(config.vpl_shoot.paths()),
-                        min_distance: Some(config.indirect.min_distance(self.area, &config.vpl_shoot)),
-                        ..frame
-                    },
-                ));
-            }
+            rendered.add(&run);
+            rendered.frame = tickets.map(|tickets| Frame {
+                path_count: Some(config.vpl_shoot.paths()),
+                min_distance: Some(config.indirect.min_distance(self.area, &config.vpl_shoot)),
+                ..tickets.redeem(&mut run, view.extent, request.aovs, taps)
+            });
         }
-        Err(Error::Cancelled)
+        rendered.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(rendered)
     }
 
     /// The techniques' kernels, specialised to the scene.
@@ -587,7 +585,7 @@ pub fn plan(
         info.samples = 1;
     }
     let recorded = record(&mut g, &kernels, config, &view, &info, aovs, &[], 0);
-    Tickets::take(&mut g, config, recorded);
+    Tickets::take(&mut g, config, recorded, true);
     Ok(g.plan(requirements)?)
 }
 
@@ -643,9 +641,33 @@ fn camera_data(camera: &Camera, size: [u32; 2]) -> shaders::Camera {
 
 /// How one render of all pixel samples is watched.
 struct Once<'a> {
+    /// Whether anything is brought back.
+    picture: bool,
     pass_times: bool,
     counters: Option<&'a vk::Buffer>,
     progress: &'a dyn Fn(Progress<'_>),
+}
+
+/// What one render of all pixel samples came to.
+struct Rendered {
+    times: Vec<PassTime>,
+    /// Milliseconds on the device.
+    total: Option<f64>,
+    /// Milliseconds by the host's clock.
+    wall_ms: f64,
+    frame: Option<Frame>,
+}
+
+impl Rendered {
+    fn new() -> Self {
+        Self { times: Vec::new(), total: Some(0.0), wall_ms: 0.0, frame: None }
+    }
+
+    /// Adds one graph's times.
+    fn add(&mut self, run: &Run) {
+        add_times(&mut self.times, &run.passes);
+        self.total = self.total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
+    }
 }
 
 /// What a frame's passes leave behind.
@@ -719,15 +741,21 @@ struct Tickets {
 }
 
 impl Tickets {
-    fn take(g: &mut Graph<'_>, config: &RenderConfig, recorded: Recorded) -> Self {
+    /// None where no `picture` is wanted: then everything is made and left on the device.
+    fn take(g: &mut Graph<'_>, config: &RenderConfig, recorded: Recorded, picture: bool) -> Option<Self> {
         let display = tone_map::tone_map(g, &config.tone_map, recorded.images[0]);
-        Self {
+        if !picture {
+            recorded.images.into_iter().for_each(|image| g.keep(image));
+            g.keep(display.image);
+            return None;
+        }
+        Some(Self {
             images: recorded.images.iter().map(|&image| g.read_image(image)).collect(),
             display: g.read_image(display.image),
             exposure: g.read_buffer(display.exposure),
             vpl_count: recorded.vpl_count.map(|count| g.read_buffer(count)),
             regathered: recorded.regathered.map(|args| g.read_buffer(args)),
-        }
+        })
     }
 
     fn redeem(

@@ -8,6 +8,7 @@ layout(set = 1, binding = 0, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 1, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
 layout(set = 1, binding = 2, scalar) readonly buffer Parts { vec3 data[]; } parts;
 layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
+layout(set = 1, binding = 4, scalar) readonly buffer Order { uint at[]; } order;
 layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint first; uint last; } params;
 
 void main() {
@@ -16,8 +17,15 @@ void main() {
     uint last = min(params.last, scene.light_count + count.vpls);
     if (gl_WorkGroupID.y > 0u || index >= listed || params.first >= last) return;
     uint sources = last - params.first;
-    if (listed * sources > params.room) return;
+    if (listed > params.room / sources) return;
     vec3 sum = vec3(0.0);
-    for (uint s = 0u; s < sources; ++s) sum += parts.data[s * listed + index];
-    points.data[index].irradiance += sum;
+    uint s = 0u;
+    // Loads that do not wait for each other.
+    for (; s + 4u <= sources; s += 4u) {
+        vec3 four[4];
+        for (uint i = 0u; i < 4u; ++i) four[i] = parts.data[(s + i) * listed + index];
+        for (uint i = 0u; i < 4u; ++i) sum += four[i];
+    }
+    for (; s < sources; ++s) sum += parts.data[s * listed + index];
+    points.data[order.at[index]].irradiance += sum;
 }

@@ -312,6 +312,8 @@ pub struct Graph<'a> {
     pub(super) tickets: Vec<Range<u64>>,
     pub(super) upload_bytes: u64,
     pub(super) readback_bytes: u64,
+    /// See [`Graph::keep`].
+    pub(super) kept: Vec<u32>,
     pub(super) mistake: Option<Mistake>,
     prefix: String,
     /// How many passes asked for each path.
@@ -349,6 +351,7 @@ impl<'a> Graph<'a> {
             tickets: Vec::new(),
             upload_bytes: 0,
             readback_bytes: 0,
+            kept: Vec::new(),
             mistake: None,
             prefix: String::new(),
             paths: HashMap::new(),
@@ -506,6 +509,16 @@ impl<'a> Graph<'a> {
         self.transfer(name.into(), &operands, |_, index| Ok(Work::Clear { image: index[0] }));
     }
 
+    /// A transient buffer that holds `contents` before the first pass: no pass waits for them alone.
+    pub fn buffer_with(&mut self, name: &'static str, contents: Vec<u8>) -> Res<Buffer> {
+        let buffer = self.buffer(name, contents.len() as u64);
+        let recorded = self.passes.len();
+        self.upload(name, buffer, contents);
+        let added = self.passes.len() - recorded;
+        self.passes.rotate_right(added);
+        buffer
+    }
+
     /// Copies bytes to the start of a buffer, which must hold them.
     pub fn upload(&mut self, name: impl Into<Cow<'static, str>>, buffer: Res<Buffer>, bytes: Vec<u8>) {
         let at = advance(&mut self.upload_bytes, bytes.len() as u64);
@@ -592,6 +605,14 @@ impl<'a> Graph<'a> {
             }
         }
         self.push(PassDecl { path, uses, work: Work::Raw(Some(Box::new(record))) });
+    }
+
+    /// Keeps the passes that make a resource although nothing reads it: work to be timed whose result nobody wants.
+    pub fn keep(&mut self, resource: impl Into<AnyRes>) {
+        match self.readable(resource.into(), Access::Read) {
+            Ok(index) => self.kept.push(index),
+            Err(mistake) => self.remember(Err(mistake)),
+        }
     }
 
     /// Asks for a buffer's contents as they are at this point of the recording.

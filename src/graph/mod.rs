@@ -11,7 +11,7 @@
 //! - A transient ([`Graph::image`], [`Graph::buffer`]) has no contents before its first write; reading it earlier
 //!   is a mistake. A write may change a part of a resource and leaves the rest as it was.
 //! - An import ([`Graph::import_image`], [`Graph::import_buffer`]) keeps its contents from graph to graph.
-//! - A pass that reaches no readback, tap or import is left out and reported; raw passes always run.
+//! - A pass that reaches no readback, tap, import or [kept](Graph::keep) resource is left out and reported; raw passes always run.
 //! - Hazards are tracked for whole resources. A pass has at most one barrier, merged, and only where a hazard
 //!   asks for it that no earlier barrier covers: passes that are independent overlap. All images stay in the
 //!   layout `GENERAL`.

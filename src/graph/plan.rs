@@ -257,6 +257,9 @@ fn validate(graph: &Graph<'_>, limits: &Limits) -> Result<(), Mistake> {
 /// A write is taken to change a part of its resource, so it never makes an earlier one needless.
 fn cull(graph: &Graph<'_>) -> (Vec<PlannedPass>, Vec<Culled>) {
     let mut needed: Vec<bool> = graph.resources.iter().map(|resource| resource.imported).collect();
+    for &kept in &graph.kept {
+        needed[kept as usize] = true;
+    }
     let mut kept = Vec::new();
     let mut culled = Vec::new();
     for (recorded, pass) in graph.passes.iter().enumerate().rev() {
@@ -274,7 +277,7 @@ fn cull(graph: &Graph<'_>) -> (Vec<PlannedPass>, Vec<Culled>) {
             let why = if names.is_empty() {
                 "it writes nothing".into()
             } else {
-                format!("{} reaches no readback, tap or import from here", names.join(", "))
+                format!("{} reaches no readback, tap, import or kept resource from here", names.join(", "))
             };
             culled.push(Culled { path: pass.path.clone(), why });
         }

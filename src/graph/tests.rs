@@ -397,12 +397,28 @@ fn culled_passes_are_reported() {
     assert_eq!(
         culled,
         [
-            ("wasted/first", "`a` reaches no readback, tap or import from here"),
-            ("wasted/second", "`b` reaches no readback, tap or import from here"),
-            ("late", "`c` reaches no readback, tap or import from here"),
+            ("wasted/first", "`a` reaches no readback, tap, import or kept resource from here"),
+            ("wasted/second", "`b` reaches no readback, tap, import or kept resource from here"),
+            ("late", "`c` reaches no readback, tap, import or kept resource from here"),
         ]
     );
     assert!(resource(&plan, "a").placement.is_none());
+}
+
+#[test]
+fn what_is_kept_needs_no_reader() {
+    let mut g = Graph::new();
+    let [a, b, c] = ["a", "b", "c"].map(|name| g.image(name, small()));
+    image_pass(&mut g, "first", &[], &[a]);
+    image_pass(&mut g, "second", &[a], &[b]);
+    image_pass(&mut g, "wasted", &[a], &[c]);
+    g.keep(b);
+    let plan = g.plan(&Typical).unwrap();
+    let paths: Vec<_> = plan.passes.iter().map(|pass| &*pass.path).collect();
+    assert_eq!(paths, ["first", "second"]);
+    let never = g.image("never", small());
+    g.keep(never);
+    assert!(g.plan(&Typical).unwrap_err().to_string().contains("never"));
 }
 
 #[test]
@@ -741,7 +757,7 @@ fn dumps_show_passes_resources_barriers_memory_and_times() {
   p1 -> r3 [label="c"];
   p2 [shape=box label="tap/indirect/upsample:c\nbarrier compute → transfer (memory)"];
   r3 -> p2 [label="source"];
-  c0 [shape=box style=dashed label="indirect/unused\nculled: `out \"quoted\"` reaches no readback, tap or import from here"];
+  c0 [shape=box style=dashed label="indirect/unused\nculled: `out \"quoted\"` reaches no readback, tap, import or kept resource from here"];
 }
 "#
     );

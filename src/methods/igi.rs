@@ -37,6 +37,9 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
     let reflections = whitted::tree(g, k, &config.whitted, &gbuffer, &vpls, min_distance);
     let samples = indirect::gather(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let direct = whitted::direct(g, k, &gbuffer);
+    if let Some(reflections) = &reflections {
+        whitted::sort(g, k, reflections);
+    }
     let indirect =
         indirect::reconstruct(g, k, &config.indirect, &gbuffer, geometry.as_ref(), &vpls, &samples);
     let specular = reflections.map(|reflections| whitted::specular(g, k, &reflections, &vpls));

@@ -3,11 +3,11 @@
 //! pass never shows.
 
 use super::{
-    Error, Frame, FrameRequest, Layer, Once, Progress, Recorded, Renderer, Tickets, Window, add_times,
-    record, taps,
+    Error, Frame, FrameRequest, Layer, Once, Progress, Recorded, Rendered, Renderer, Tickets, Window, record,
+    taps,
 };
 use crate::config::RenderConfig;
-use crate::graph::{self, Graph, Image, PassTime, Res, RunOptions};
+use crate::graph::{self, Graph, Image, Res, RunOptions};
 use crate::methods::{Aov, FrameInfo};
 use crate::scene::Camera;
 use crate::techniques::{Kernels, path_trace::Means};
@@ -174,7 +174,7 @@ impl Renderer {
         camera: &Camera,
         request: &FrameRequest<'_>,
         once: &Once<'_>,
-    ) -> Result<(Vec<PassTime>, Option<f64>, Frame), Error> {
+    ) -> Result<Rendered, Error> {
         let start = Instant::now();
         let view = Window::of(config);
         let halves = request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
@@ -190,7 +190,7 @@ impl Renderer {
         let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
         let target = config.path_trace.spp;
         let (first, mut next_check) = (state.samples, LEAST_SAMPLES.max(state.samples));
-        let (mut times, mut total) = (Vec::new(), Some(0.0));
+        let mut rendered = Rendered::new();
         let (mut seconds_a_sample, mut shown) = (None, start);
         let most = (PASS_EDGES / config.max_depth()).max(1);
 
@@ -227,27 +227,28 @@ impl Renderer {
             };
             let run = self.executor.run(g, &options)?;
             state.begun = true;
-            add_times(&mut times, &run.passes);
-            total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
+            rendered.add(&run);
             state.samples += samples;
             seconds_a_sample = Some((pass_start.elapsed().as_secs_f64() / f64::from(samples)).max(1e-9));
             if let Some(preview) = request.preview
                 && shown.elapsed() >= preview.every
                 && state.samples < target
             {
-                let (_, frame) = self.finish(&session, &state, false)?;
-                (preview.show)(&frame);
+                let preview_of = Once { picture: true, pass_times: false, counters: None, ..*once };
+                if let (_, Some(frame)) = self.finish(&session, &state, &preview_of)? {
+                    (preview.show)(&frame);
+                }
                 shown = Instant::now();
             }
         }
         if state.samples == 0 {
             return Err(Error::Cancelled);
         }
-        let (run, mut frame) = self.finish(&session, &state, once.pass_times)?;
-        add_times(&mut times, &run.passes);
-        total = total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
-        frame.wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok((times, total, frame))
+        let (run, frame) = self.finish(&session, &state, once)?;
+        rendered.add(&run);
+        rendered.frame = frame;
+        rendered.wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(rendered)
     }
 
     /// The picture as it is.
@@ -255,22 +256,26 @@ impl Renderer {
         &mut self,
         session: &Session<'_>,
         state: &State,
-        pass_times: bool,
-    ) -> Result<(graph::Run, Frame), Error> {
+        once: &Once<'_>,
+    ) -> Result<(graph::Run, Option<Frame>), Error> {
         let &Session { config, request, .. } = session;
         let mut g = Graph::new();
         let (means, recorded) = session.record(&mut g, self.area, state, 0, request.aovs);
-        let halves = means.halves.map(|halves| halves.map(|half| g.read_image::<[f32; 4]>(half)));
-        let tickets = Tickets::take(&mut g, config, recorded);
-        let taps = taps(&mut g, request.taps)?;
-        let options = RunOptions { scene: Some(&self.set), pass_times, ..RunOptions::default() };
+        let halves = means.halves.filter(|_| once.picture);
+        let halves = halves.map(|halves| halves.map(|half| g.read_image::<[f32; 4]>(half)));
+        let tickets = Tickets::take(&mut g, config, recorded, once.picture);
+        let specs = if once.picture { request.taps } else { &[] };
+        let taps = taps(&mut g, specs)?;
+        let options =
+            RunOptions { scene: Some(&self.set), pass_times: once.pass_times, ..RunOptions::default() };
         let mut run = self.executor.run(g, &options)?;
+        let Some(tickets) = tickets else { return Ok((run, None)) };
         let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));
         let mut frame = tickets.redeem(&mut run, session.view.extent, request.aovs, taps);
         frame.samples = Some(state.samples);
         let halves = halves.filter(|_| state.samples > 1);
         frame.noise = halves.map(|[a, b]| noise(&frame.beauty.data, &a, &b, state.samples));
-        Ok((run, frame))
+        Ok((run, Some(frame)))
     }
 
     fn noise_of(&mut self, state: &State) -> Result<f64, Error> {

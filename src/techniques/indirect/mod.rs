@@ -93,7 +93,7 @@ impl Default for IndirectConfig {
             filter: Filter::Paper,
             depth_threshold: 0.05,
             normal_threshold: 0.9,
-            plane_threshold: 0.25,
+            plane_threshold: 0.5,
             plane_cosine: 0.8,
         }
     }
@@ -318,8 +318,7 @@ pub fn reconstruct(
 fn missing(g: &mut Graph<'_>, config: &IndirectConfig, [width, height]: [u32; 2]) -> Missing {
     let room = if config.upsample == Upsample::Plane { u64::from(width) * u64::from(height) } else { 1 };
     let list = g.buffer("missing", 4 * room);
-    let args = g.buffer("regather_args", 16);
-    g.upload("none_missing", args, bytemuck::cast_slice(&[0_u32, 1, 1, 0]).to_vec());
+    let args = g.buffer_with("regather_args", bytemuck::cast_slice(&[0_u32, 1, 1, 0]).to_vec());
     Missing { list, args }
 }
 

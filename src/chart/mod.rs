@@ -1,0 +1,3 @@
+//! Speed against accuracy: a sweep over methods and settings, what it leaves on the front, and a page that shows it.
+
+pub mod data;
