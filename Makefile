@@ -12,13 +12,13 @@ demo: setup
 	cargo run --release --quiet -- render -o parhelion.png
 
 test: setup
-	cargo test --features compile
+	cargo test --features compile,denoise
 
 check: setup
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	cargo clippy --workspace --all-targets --features compile -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --features compile
+	cargo clippy --workspace --all-targets --features compile,denoise -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --features compile,denoise
 
 setup:
 	@./setup.sh

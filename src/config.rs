@@ -4,7 +4,7 @@
 //! nearest one. An optional key takes the word `auto` for its absence.
 
 use crate::techniques::{
-    indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
+    glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
     vpl_shoot::VplShootConfig, whitted::WhittedConfig,
 };
 use serde::{Deserialize, Serialize};
@@ -69,7 +69,8 @@ pub struct RenderConfig {
     /// picture differs from an area average. Time grows in proportion.
     pub pixel_samples: u32,
     /// Part of the picture to render: x0, y0, x1, y1 (pixels from the top left, the ends exclusive). Absent:
-    /// all of it. The pixels are those of the whole picture, bit for bit; automatic exposure is the crop's own.
+    /// all of it. Its radiance is that of the whole picture, bit for bit; automatic exposure, glare and denoising are
+    /// the crop's own.
     pub crop: Option<[u32; 4]>,
     /// Virtual point lights.
     pub vpl_shoot: VplShootConfig,
@@ -79,6 +80,8 @@ pub struct RenderConfig {
     pub indirect: IndirectConfig,
     /// Paths from the camera.
     pub path_trace: PathTraceConfig,
+    /// Light around bright things, in pictures for screens.
+    pub glare: GlareConfig,
     /// From radiance to a picture for a screen.
     pub tone_map: ToneMapConfig,
 }
@@ -95,6 +98,7 @@ impl Default for RenderConfig {
             whitted: WhittedConfig::default(),
             indirect: IndirectConfig::default(),
             path_trace: PathTraceConfig::default(),
+            glare: GlareConfig::default(),
             tone_map: ToneMapConfig::default(),
         }
     }
@@ -301,6 +305,9 @@ impl RenderConfig {
             let problem = "method path has path_trace.spp in its place".into();
             return Err(ConfigError::Value { key: "pixel_samples".into(), problem });
         }
+        within("glare.strength", self.glare.strength, 0.0..=1.0)?;
+        within("glare.radius", self.glare.radius, 0.001..=0.5)?;
+        within("tone_map.white", self.tone_map.white, 0.01..=1e6)?;
         if let Some(stops) = self.tone_map.exposure {
             within("tone_map.exposure", stops, -64.0..=64.0)?;
         }
@@ -518,7 +525,11 @@ mod tests {
             ("path_trace.pixel_filter", "\"center\""),
             ("path_trace.roulette_depth", "3"),
             ("path_trace.energy_conserving", "true"),
+            ("glare.strength", "0.25"),
+            ("glare.radius", "0.25"),
             ("tone_map.exposure", "-1.5"),
+            ("tone_map.operator", "\"aces\""),
+            ("tone_map.white", "2.0"),
         ];
         let keys = known_keys();
         let leaves =
@@ -608,6 +619,13 @@ mod tests {
             ("path_trace.max_depth=0", "path_trace.max_depth"),
             ("path_trace.max_depth=65537", "path_trace.max_depth"),
             ("path_trace.roulette_depth=0", "path_trace.roulette_depth"),
+            ("glare.strength=1.5", "glare.strength"),
+            ("glare.strength=-0.1", "glare.strength"),
+            ("glare.strength=nan", "glare.strength"),
+            ("glare.radius=0", "glare.radius"),
+            ("glare.radius=0.6", "glare.radius"),
+            ("tone_map.white=0", "tone_map.white"),
+            ("tone_map.white=inf", "tone_map.white"),
             ("tone_map.exposure=nan", "tone_map.exposure"),
             ("tone_map.exposure=65", "tone_map.exposure"),
         ] {

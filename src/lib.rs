@@ -9,6 +9,7 @@ pub mod chart;
 #[cfg(feature = "compile")]
 mod compile;
 pub mod config;
+pub mod denoise;
 #[allow(unsafe_code)]
 pub mod graph;
 pub mod methods;

@@ -3,6 +3,7 @@
 
 use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
 use crate::config::{Method, RenderConfig};
+use crate::denoise::{self, Denoiser};
 use crate::graph::{
     self, Desc, Executor, Graph, Image, ImageDesc, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap,
     Ticket,
@@ -13,7 +14,7 @@ use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
 use crate::techniques::indirect::{IndirectConfig, Visibility};
-use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, tone_map};
+use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, glare, tone_map};
 use crate::vk::{self, DeviceKind, MemoryKind};
 use crate::vk::{Backend, Format};
 use glam::Vec2;
@@ -70,6 +71,9 @@ pub enum Error {
         /// Its word.
         visibility: &'static str,
     },
+    /// The picture cannot be denoised.
+    #[error(transparent)]
+    Denoise(#[from] denoise::Error),
     /// Stopped by the caller.
     #[error("interrupted")]
     Cancelled,
@@ -91,6 +95,7 @@ impl Error {
             Self::Layer(_) | Self::Resume(_) => 2,
             Self::NoRayQuery { .. } => 3,
             Self::Structure(error) => error.exit_code(),
+            Self::Denoise(error) => error.exit_code(),
             Self::Graph(_) => 1,
         }
     }
@@ -135,12 +140,25 @@ pub struct FrameRequest<'a> {
     pub noise: Option<f64>,
     /// What a progressive method goes on from.
     pub resume: Option<&'a Resume>,
+    /// Denoises the picture, previews too; layers and [`Resume`] stay what the samples drew.
+    pub denoiser: Option<&'a Denoiser>,
     /// What progressive methods show before they end.
     pub preview: Option<Preview<'a>>,
     /// Set to stop: between submits without a picture, between passes of progressive methods with what there is.
     pub cancel: Option<&'a AtomicBool>,
     /// Told what is being done.
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
+}
+
+impl FrameRequest<'_> {
+    /// The layers asked for, then those that denoising takes.
+    fn layers(&self) -> Vec<Aov> {
+        let mut layers = self.aovs.to_vec();
+        if self.denoiser.is_some() {
+            layers.extend([Aov::Albedo, Aov::N].into_iter().filter(|aov| !self.aovs.contains(aov)));
+        }
+        layers
+    }
 }
 
 /// How far a render has come.
@@ -177,11 +195,24 @@ pub struct PassStats {
     pub rays: Option<u64>,
 }
 
+/// How a picture was denoised.
+#[derive(Clone, Debug)]
+pub struct Denoised {
+    /// Radiance before, as the samples draw it.
+    pub noisy: Layer,
+    /// The denoiser's name and version.
+    pub by: String,
+    /// Milliseconds on the CPU.
+    pub ms: f64,
+}
+
 /// A finished picture.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Radiance (W/(sr·m²)), linear Rec. 709.
     pub beauty: Layer,
+    /// What was done to `beauty` and `display`, if they are denoised.
+    pub denoised: Option<Denoised>,
     /// Tone-mapped sRGB, RGBA.
     pub display: Vec<u8>,
     /// Exposure that `display` was given, in stops.
@@ -399,7 +430,7 @@ impl Renderer {
     ) -> Result<Frame, Error> {
         config.validate()?;
         let method = methods::named(config.method.name());
-        method.check(request.aovs)?;
+        method.check(&request.layers())?;
         self.ensure_boxes(&config.indirect)?;
         // A CPU device runs pass after pass: there the sum is the frame's time.
         let cpu = self.device.info().kind == DeviceKind::Cpu;
@@ -443,7 +474,8 @@ impl Renderer {
             wall_ms = rendered.wall_ms;
             frame = frame.or(rendered.frame);
         }
-        let frame = frame.ok_or(Error::Cancelled)?;
+        let mut frame = frame.ok_or(Error::Cancelled)?;
+        self.denoise(config, request, &mut frame)?;
         Ok(Frame {
             passes: summarise(&timed, &rays),
             total_ms: median(totals),
@@ -468,13 +500,14 @@ impl Renderer {
         let kernels =
             self.kernels(config.whitted.mirror_roughness).with_visibility(config.indirect.visibility);
         let samples = config.pixel_samples;
-        let means = self.means(config, request.aovs)?;
+        let layers = request.layers();
+        let means = self.means(config, &layers)?;
         let pixels = u64::from(info.extent[0]) * u64::from(info.extent[1]);
         let mut rendered = Rendered::new();
         for sample in 0..samples {
             self.write_uniform(config, camera, pixel_offset(sample, samples), once.counters)?;
             let mut g = Graph::new();
-            let recorded = record(&mut g, &kernels, config, &view, &info, request.aovs, &means, sample);
+            let recorded = record(&mut g, &kernels, config, &view, &info, &layers, &means, sample);
             let last = sample + 1 == samples;
             let tickets = if last { Tickets::take(&mut g, config, recorded, once.picture) } else { None };
             let specs = if tickets.is_some() { request.taps } else { &[] };
@@ -499,11 +532,41 @@ impl Renderer {
             rendered.frame = tickets.map(|tickets| Frame {
                 path_count: Some(config.vpl_shoot.paths()),
                 min_distance: Some(config.indirect.min_distance(self.area, &config.vpl_shoot)),
-                ..tickets.redeem(&mut run, view.extent, request.aovs, taps)
+                ..tickets.redeem(&mut run, view.extent, &layers, taps)
             });
         }
         rendered.wall_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(rendered)
+    }
+
+    /// Denoises radiance and what is shown of it, if asked to, and takes out layers that only this takes.
+    fn denoise(
+        &mut self,
+        config: &RenderConfig,
+        request: &FrameRequest<'_>,
+        frame: &mut Frame,
+    ) -> Result<(), Error> {
+        let Some(denoiser) = request.denoiser else { return Ok(()) };
+        let start = Instant::now();
+        let layer = |aov| part(frame.aovs.iter().find(|(a, _)| *a == aov).map(|(_, layer)| layer));
+        let (albedo, normal) = (layer(Aov::Albedo), layer(Aov::N));
+        let clean = denoiser.denoise(&denoise::Input { radiance: &frame.beauty, albedo, normal })?;
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let noisy = std::mem::replace(&mut frame.beauty, clean);
+        frame.denoised = Some(Denoised { noisy, by: denoiser.name(), ms });
+        frame.aovs.truncate(request.aovs.len());
+
+        let Layer { width, height, ref data, .. } = frame.beauty;
+        let texels: Vec<[f32; 4]> = data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 1.0]).collect();
+        let mut g = Graph::new();
+        let radiance = g.image("denoised", ImageDesc::new([width, height], Format::Rgba32Float));
+        g.upload_image("denoised", radiance, bytemuck::cast_slice(&texels).to_vec());
+        let (display, exposure) = display(&mut g, config, radiance);
+        let (display, exposure) = (g.read_image(display), g.read_buffer::<f32>(exposure));
+        let mut run = self.executor.run(g, &RunOptions::default())?;
+        frame.display = run.take(display);
+        frame.exposure_ev = run.take(exposure).first().copied().unwrap_or_default();
+        Ok(())
     }
 
     /// The techniques' kernels, specialised to the scene.
@@ -721,6 +784,17 @@ fn record<'a>(
     Recorded { images, vpl_count: layers.vpl_count, regathered: layers.regathered }
 }
 
+/// A picture for a screen and its exposure, which glare leaves as it is.
+fn display(
+    g: &mut Graph<'_>,
+    config: &RenderConfig,
+    radiance: Res<Image>,
+) -> (Res<Image>, Res<graph::Buffer>) {
+    let exposure = tone_map::exposure(g, &config.tone_map, radiance);
+    let spread = glare::glare(g, &config.glare, radiance, config.size[1]);
+    (tone_map::tone_map(g, &config.tone_map, spread, exposure), exposure)
+}
+
 /// A part that a method says it has.
 fn part<T>(part: Option<T>) -> T {
     part.expect("methods draw the layers they name")
@@ -743,16 +817,16 @@ struct Tickets {
 impl Tickets {
     /// None where no `picture` is wanted: then everything is made and left on the device.
     fn take(g: &mut Graph<'_>, config: &RenderConfig, recorded: Recorded, picture: bool) -> Option<Self> {
-        let display = tone_map::tone_map(g, &config.tone_map, recorded.images[0]);
+        let (display, exposure) = display(g, config, recorded.images[0]);
         if !picture {
             recorded.images.into_iter().for_each(|image| g.keep(image));
-            g.keep(display.image);
+            g.keep(display);
             return None;
         }
         Some(Self {
             images: recorded.images.iter().map(|&image| g.read_image(image)).collect(),
-            display: g.read_image(display.image),
-            exposure: g.read_buffer(display.exposure),
+            display: g.read_image(display),
+            exposure: g.read_buffer(exposure),
             vpl_count: recorded.vpl_count.map(|count| g.read_buffer(count)),
             regathered: recorded.regathered.map(|args| g.read_buffer(args)),
         })
@@ -781,6 +855,7 @@ impl Tickets {
         let taps = taps.into_iter().map(|(spec, tap)| (spec, tapped(run, tap))).collect();
         Frame {
             beauty,
+            denoised: None,
             display: run.take(self.display),
             exposure_ev: run.take(self.exposure).first().copied().unwrap_or_default(),
             aovs,

@@ -187,6 +187,19 @@ fn bad_usage_exits_with_2_names_the_option_and_touches_nothing() {
         (&["render", "-D", "indirect.box_split=1"], &["-D indirect.box_split=1"]),
         (&["render", "--exposure", "NaN"], &["--exposure"]),
         (&["render", "--exposure", "1e9"], &["--exposure"]),
+        (&["render", "--tone-map", "filmic"], &["--tone-map", "reinhard", "aces"]),
+        (&["render", "-D", "tone_map.white=0"], &["-D tone_map.white=0"]),
+        (&["render", "--glare", "1.5"], &["--glare", "1.5"]),
+        (&["render", "--glare", "nan"], &["--glare"]),
+        (&["render", "-D", "glare.radius=2"], &["-D glare.radius=2"]),
+        (
+            &["render", "--denoise", "--method", "path", "--aov", "variance", "-o", "a.exr"],
+            &["--denoise", "variance", "mean"],
+        ),
+        (
+            &["render", "--denoise", "--method", "path", "--resume", "a.exr"],
+            &["--denoise", "--resume", "reference"],
+        ),
         (&["render", "--pixel-samples", "0"], &["--pixel-samples"]),
         (&["render", "--seed", "-1"], &["--seed"]),
         (&["render", "--repeat", "0"], &["--repeat"]),
@@ -338,7 +351,7 @@ fn help_knows_every_word_and_needs_no_device() {
     let help = stdout(&output);
     let words = "-o --size --method --vpls --bounces --min-distance --visibility --box-split --camera --eye --look-at --fov --exposure --aov \
         --backend --pixel-samples --scene --no-headlight --config -D --device --seed --repeat --crop --stats --tap \
-        --explain --quiet -v --progress";
+        --explain --quiet -v --progress --tone-map --glare --denoise";
     for word in words.split_whitespace() {
         assert!(help.contains(word), "{word}");
     }
@@ -426,6 +439,87 @@ fn files_hold_what_was_asked_for() {
     let (_, _, texts) = png(&folder, "b.png");
     assert_eq!(texts["Exposure"], "-1.50 EV");
     assert_eq!(folder.json("s.json")["settings"]["seed"], 7);
+}
+
+/// Radiance is the same whatever a screen is shown, and the picture's texts say what it is.
+#[test]
+fn tone_mapping_and_glare_change_pictures_for_screens_alone() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    folder.render(&["wall.gltf", "-o", "a.exr", "-o", "a.png"]);
+    let changes = ["--tone-map", "aces", "--glare", "0.2", "-o", "b.exr", "-o", "b.png"];
+    let output = folder.render(&[&["wall.gltf"], &changes[..]].concat());
+    assert!(stdout(&output).contains("glare 0.2") && stdout(&output).contains("ACES"), "{}", stdout(&output));
+    let (_, _, plain) = png(&folder, "a.png");
+    let (_, _, texts) = png(&folder, "b.png");
+    assert_eq!(
+        (&*texts["Tone mapping"], &*texts["Glare"]),
+        ("ACES (Hill's fit)", "strength 0.2, radius 0.1")
+    );
+    assert!(texts["Exposure"] == plain["Exposure"] && !plain.contains_key("Glare"));
+    assert_eq!(exr(&folder, "a.exr").channels, exr(&folder, "b.exr").channels);
+    assert_ne!(png(&folder, "a.png").0, png(&folder, "b.png").0);
+}
+
+/// Found out before the scene is read.
+#[test]
+fn without_a_denoiser_one_line_says_so() {
+    let folder = Folder::empty();
+    let args = ["render", "none.glb", "--denoise"];
+    let output = folder.command(&args).env("PARHELION_OIDN", "/nonexistent/oidn.so").output().unwrap();
+    let message = stderr(&output);
+    let (code, words) = if cfg!(feature = "denoise") {
+        (1, ["/nonexistent/oidn.so", "PARHELION_OIDN"])
+    } else {
+        (2, ["--features denoise", "built"])
+    };
+    assert_eq!(output.status.code(), Some(code), "{message}");
+    assert!(message.starts_with("error: --denoise: ") && message.lines().count() == 1, "{message}");
+    assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    assert!(folder.names().is_empty());
+}
+
+/// Files keep what the samples drew, and a render goes on from that.
+#[cfg(feature = "denoise")]
+#[test]
+fn denoised_files_keep_the_noisy_picture() {
+    let Some((_guard, _)) = common::device() else { return };
+    let path = std::env::var_os("PARHELION_OIDN");
+    let loaded = parhelion::denoise::Denoiser::load(path.as_deref().map(Path::new));
+    if !common::require("oidn", loaded.is_ok(), "no Open Image Denoise") {
+        return;
+    }
+    let folder = Folder::with_wall();
+    let path = |more: &[&str]| {
+        let args = ["render", "wall.gltf", "--method", "path", "--size", "32x24", "-D", "path_trace.spp=3"];
+        let output = folder.run(&[&args[..], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        stdout(&output)
+    };
+    path(&["-o", "plain.exr", "-o", "plain.png"]);
+    let text = path(&["--denoise", "-o", "a.exr", "-o", "a.png", "--stats", "s.json"]);
+    assert!(
+        text.contains("denoised: Open Image Denoise 2.") && text.contains("radiance, denoised"),
+        "{text}"
+    );
+    let (plain, clean) = (exr(&folder, "plain.exr"), exr(&folder, "a.exr"));
+    assert_eq!(clean.channels.keys().cloned().collect::<Vec<_>>().join(" "), "B G R noisy.B noisy.G noisy.R");
+    for channel in ["R", "G", "B"] {
+        assert_eq!(clean.channels[&format!("noisy.{channel}")], plain.channels[channel]);
+        assert_ne!(clean.channels[channel], plain.channels[channel]);
+    }
+    let (_, _, texts) = png(&folder, "a.png");
+    assert!(texts["Denoiser"].starts_with("Open Image Denoise 2."), "{texts:?}");
+    assert_ne!(png(&folder, "a.png").0, png(&folder, "plain.png").0);
+    let schema = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/stats.schema.json")).unwrap();
+    let schema: Value = serde_json::from_slice(&schema).unwrap();
+    let stats = folder.json("s.json");
+    check(&schema, &schema, &stats, "stats").unwrap();
+    assert!(stats["denoised"]["ms"].as_f64() > Some(0.0));
+
+    path(&["--spp", "5", "--resume", "a.exr", "-o", "on.exr"]);
+    path(&["--spp", "5", "-o", "whole.exr"]);
+    assert_eq!(exr(&folder, "on.exr").channels, exr(&folder, "whole.exr").channels);
 }
 
 #[test]

@@ -5,6 +5,7 @@ use clap::{ArgAction, Parser, Subcommand, ValueEnum};
 use parhelion::config::{Method, PRESETS, Preset};
 use parhelion::renderer::{Aov, BackendChoice};
 use parhelion::techniques::indirect::Visibility;
+use parhelion::techniques::tone_map::Operator;
 use parhelion::vk::Backend;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -156,6 +157,17 @@ pub(super) struct Render {
     /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
     #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
     pub(super) exposure: Option<String>,
+    /// What brings exposed radiance into a screen's range for .png pictures [default: neutral].
+    #[arg(long, value_name = "OPERATOR", value_parser = operators())]
+    pub(super) tone_map: Option<String>,
+    /// Share of the light, 0 to 1, that .png pictures spread around bright things; -D glare.radius=0.1 is how far, in
+    /// picture heights [default: 0].
+    #[arg(long, value_name = "STRENGTH", allow_hyphen_values = true, value_parser = number)]
+    pub(super) glare: Option<f32>,
+    /// Guess away noise with Open Image Denoise, by albedo and normals, in all pictures; .exr ones keep radiance as it
+    /// was in the layer noisy. Not for references.
+    #[arg(long)]
+    pub(super) denoise: bool,
     /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth; of
     /// --method path albedo, N, P, depth, variance, half_a, half_b.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
@@ -172,7 +184,8 @@ pub(super) struct Render {
     /// Render N times after warming up, and report medians.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(super) repeat: Option<u32>,
-    /// Render only this part (pixels from the top left, ends exclusive), equal to the whole bit for bit.
+    /// Render only this part (pixels from the top left, ends exclusive), equal to the whole bit for bit but for automatic
+    /// exposure, glare and denoising.
     #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = numbers::<u32, 4>)]
     pub(super) crop: Option<[u32; 4]>,
     /// Write device, scene, settings, times, rays and memory as JSON.
@@ -257,6 +270,10 @@ fn presets() -> PossibleValuesParser {
 
 fn visibilities() -> PossibleValuesParser {
     PossibleValuesParser::new(Visibility::ALL.iter().map(|visibility| visibility.name()))
+}
+
+fn operators() -> PossibleValuesParser {
+    PossibleValuesParser::new(Operator::ALL.iter().map(|operator| operator.name()))
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -357,6 +374,7 @@ mod tests {
             ("--pixel-samples", config.pixel_samples.to_string()),
             ("--spp", config.path_trace.spp.to_string()),
             ("--seed", config.seed.to_string()),
+            ("--tone-map", config.tone_map.operator.name().into()),
         ] {
             let rest = &help[help.find(&format!("{option} <")).unwrap()..];
             assert!(rest[..200].contains(&format!("[default: {default}]")), "{option}: {}", &rest[..200]);

@@ -16,7 +16,7 @@ use clap::Parser;
 use parhelion::config::ConfigError;
 use parhelion::renderer;
 use parhelion::scene::{LoadOptions, Scene, SceneError, builtin};
-use parhelion::{output, vk};
+use parhelion::{denoise, output, vk};
 use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::Path;
@@ -63,6 +63,12 @@ impl From<vk::Error> for Failure {
 impl From<renderer::Error> for Failure {
     fn from(error: renderer::Error) -> Self {
         Self { code: error.exit_code(), error: error.into() }
+    }
+}
+
+impl From<denoise::Error> for Failure {
+    fn from(error: denoise::Error) -> Self {
+        Self { code: error.exit_code(), error: anyhow::anyhow!("--denoise: {error}") }
     }
 }
 

@@ -7,7 +7,6 @@ use parhelion::config::{ConfigError, RenderConfig};
 use parhelion::output;
 use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
 use parhelion::renderer::{self, Renderer};
-use parhelion::techniques::tone_map::OPERATOR;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
@@ -95,7 +94,7 @@ fn write(folder: &Path, report: &Report, pictures: Option<(&Row, Pictures<'_>)>)
             [
                 ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
                 ("Approach", format!("{}, {} VPLs", row.approach, row.vpls)),
-                ("Tone mapping", OPERATOR.to_owned()),
+                ("Tone mapping", report.base.tone_map.operator.title().to_owned()),
                 ("Exposure", format!("{:+.2} EV (that of {})", report.exposure_ev, APPROACHES[0].preset)),
                 more,
             ]

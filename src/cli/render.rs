@@ -8,6 +8,7 @@ use super::table::table;
 use super::{Failure, extension, input, interrupt, print, scene};
 use glam::Vec3;
 use parhelion::config::{Method, RenderConfig};
+use parhelion::denoise::Denoiser;
 use parhelion::methods;
 use parhelion::output::{self, Attribute, Channels, Picture};
 use parhelion::renderer::{
@@ -15,7 +16,6 @@ use parhelion::renderer::{
 };
 use parhelion::scene::{Camera, Environment, SceneProfile};
 use parhelion::techniques::path_trace::PathTraceConfig;
-use parhelion::techniques::tone_map::OPERATOR;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -27,6 +27,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let config = settings(args)?;
     let method = methods::named(config.method.name());
     method.check(&args.aov).map_err(|error| input!("--aov: {error}"))?;
+    let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
     let reporter = Reporter::new(&args.common);
@@ -70,6 +71,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         time: args.time,
         noise: args.noise,
         resume: resume.as_ref(),
+        denoiser: denoiser.as_ref(),
         // Times are of renders that nothing interrupts.
         preview: args
             .repeat
@@ -127,16 +129,46 @@ fn write(
 ) -> Result<String, output::Error> {
     if extension(file).as_deref() == Some("exr") {
         output::write_exr(file, &picture(origin, config, frame))?;
-        return Ok("linear radiance".into());
+        let denoised = if frame.denoised.is_some() { ", denoised" } else { "" };
+        return Ok(format!("linear radiance{denoised}"));
     }
     let exposure = exposure(config, frame);
-    let texts = [
+    let operator = config.tone_map.operator.title();
+    let mut texts = vec![
         ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("Tone mapping", OPERATOR.to_owned()),
+        ("Tone mapping", operator.to_owned()),
         ("Exposure", exposure.clone()),
     ];
+    let glare = &config.glare;
+    let mut what = format!("{operator}, exposure {exposure}");
+    if glare.strength > 0.0 {
+        texts.push(("Glare", format!("strength {}, radius {}", glare.strength, glare.radius)));
+        let _ = write!(what, ", glare {}", glare.strength);
+    }
+    if let Some(denoised) = &frame.denoised {
+        texts.push(("Denoiser", denoised.by.clone()));
+        what.push_str(", denoised");
+    }
     output::write_png(file, frame.beauty.width, &frame.display, &texts)?;
-    Ok(format!("{OPERATOR}, exposure {exposure}"))
+    Ok(what)
+}
+
+/// Open Image Denoise, if it is asked for, from where the environment says it is.
+fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
+    if !args.denoise {
+        return Ok(None);
+    }
+    if let Some(aov) = args.aov.iter().find(|aov| aov.takes_halves()) {
+        let name = aov.name();
+        return Err(input!(
+            "--denoise: --aov {name} is of the samples' mean, which a denoised picture is not"
+        ));
+    }
+    if args.resume.is_some() {
+        return Err(input!("--denoise: --resume goes on with a reference, and a denoised picture is none"));
+    }
+    let path = std::env::var_os("PARHELION_OIDN").map(PathBuf::from);
+    Ok(Some(Denoiser::load(path.as_deref())?))
 }
 
 /// Where a picture comes from, for its header.
@@ -206,7 +238,8 @@ fn resume(file: &Path, args: &Render, config: &RenderConfig, origin: &Origin) ->
         let [x0, y0, x1, y1] = read.window;
         Some(Layer { width: x1 - x0, height: y1 - y0, channels: 3, data: read.interleaved(&names)? })
     };
-    let Some(mean) = layer(["R", "G", "B"]) else {
+    let noisy = layer(["noisy.R", "noisy.G", "noisy.B"]);
+    let Some(mean) = noisy.or_else(|| layer(["R", "G", "B"])) else {
         return Err(input!("--resume: {name}: has no channels R, G and B"));
     };
     let halves = layer(["half_a.R", "half_a.G", "half_a.B"]).zip(layer(["half_b.R", "half_b.G", "half_b.B"]));
@@ -287,12 +320,16 @@ fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, fr
         let _ = write!(text, ", {samples} samples a pixel, at most {} edges a path", config.max_depth());
     }
     if let Some(noise) = frame.noise {
-        let _ = write!(text, ", error about {:.2} %", 100.0 * noise);
+        let when = if frame.denoised.is_some() { " before denoising" } else { "" };
+        let _ = write!(text, ", error about {:.2} %{when}", 100.0 * noise);
     }
     text.push('\n');
     if let Some(pixels) = frame.regathered {
         let share = 100.0 * f64::from(pixels) / (frame.beauty.data.len() / 3) as f64;
         let _ = writeln!(text, "gathered again: {pixels} pixels ({share:.1} %)");
+    }
+    if let Some(denoised) = &frame.denoised {
+        let _ = writeln!(text, "denoised: {}, {:.1} ms on the CPU", denoised.by, denoised.ms);
     }
     let _ = writeln!(text, "device: {}{cpu} ({})", info.name, info.driver());
     let _ = writeln!(text, "backend: {} ({reason})", backend.name());
@@ -340,6 +377,9 @@ fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         };
         channels.push(self::channels(&suffixes.iter().map(name).collect::<Vec<_>>(), layer));
     }
+    if let Some(denoised) = &frame.denoised {
+        channels.push(self::channels(&["noisy.R", "noisy.G", "noisy.B"].map(String::from), &denoised.noisy));
+    }
     let text = |value: &dyn ToString| Attribute::Text(value.to_string());
     let json = |value: serde_json::Result<String>| Attribute::Text(value.unwrap_or_default());
     let number = |value: f64| Attribute::Number(value);
@@ -356,6 +396,9 @@ fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         ("parhelion:times", json(serde_json::to_string(&frame.passes))),
         ("parhelion:exposure_ev", number(frame.exposure_ev.into())),
     ];
+    if let Some(denoised) = &frame.denoised {
+        attributes.push(("parhelion:denoiser", text(&denoised.by)));
+    }
     if let Some(count) = frame.vpl_count {
         attributes.push(("parhelion:vpl_count", number(count.into())));
     }

@@ -47,6 +47,8 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--transport", "path_trace.transport", args.transport.clone()),
         ("--pixel-filter", "path_trace.pixel_filter", args.pixel_filter.clone()),
         ("--exposure", "tone_map.exposure", args.exposure.clone()),
+        ("--tone-map", "tone_map.operator", args.tone_map.clone()),
+        ("--glare", "glare.strength", args.glare.map(|strength| format!("{strength:?}"))),
     ];
     for (option, key, value) in &options {
         if let Some(value) = value {

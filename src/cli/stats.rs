@@ -55,6 +55,7 @@ pub(super) fn stats(
         "samples": frame.samples,
         "noise": frame.noise,
         "regathered": frame.regathered,
+        "denoised": frame.denoised.as_ref().map(|denoised| json!({ "by": denoised.by, "ms": denoised.ms })),
         "exposure_ev": frame.exposure_ev,
         "structures": renderer.structures().iter().map(|structure| json!({
             "name": structure.name,

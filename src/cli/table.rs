@@ -73,6 +73,7 @@ mod tests {
             passes.iter().map(|&(path, ms, rays)| PassStats { path: path.into(), ms, rays }).collect();
         Frame {
             beauty: Layer { width: 0, height: 0, channels: 3, data: Vec::new() },
+            denoised: None,
             display: Vec::new(),
             exposure_ev: 0.0,
             aovs: Vec::new(),

@@ -253,7 +253,10 @@ pub fn run<E: From<renderer::Error>>(
     let config = canonical.config(experiment.base, VPLS[0]).map_err(renderer::Error::from)?;
     let exposure_ev = steps.render(renderer, "exposure", &config, 0)?.exposure_ev;
     let base = RenderConfig {
-        tone_map: crate::techniques::tone_map::ToneMapConfig { exposure: Some(exposure_ev) },
+        tone_map: crate::techniques::tone_map::ToneMapConfig {
+            exposure: Some(exposure_ev),
+            ..experiment.base.tone_map.clone()
+        },
         ..experiment.base.clone()
     };
 

@@ -184,7 +184,7 @@ impl Renderer {
         let session = Session { config, request, kernels, view };
         // A tap that is not there is known before the first sample.
         let mut g = Graph::new();
-        session.record(&mut g, self.area, &state, 0, request.aovs);
+        session.record(&mut g, self.area, &state, 0, &request.layers());
         taps(&mut g, request.taps)?;
         drop(g);
         let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
@@ -235,7 +235,8 @@ impl Renderer {
                 && state.samples < target
             {
                 let preview_of = Once { picture: true, pass_times: false, counters: None, ..*once };
-                if let (_, Some(frame)) = self.finish(&session, &state, &preview_of)? {
+                if let (_, Some(mut frame)) = self.finish(&session, &state, &preview_of)? {
+                    self.denoise(config, request, &mut frame)?;
                     (preview.show)(&frame);
                 }
                 shown = Instant::now();
@@ -260,7 +261,8 @@ impl Renderer {
     ) -> Result<(graph::Run, Option<Frame>), Error> {
         let &Session { config, request, .. } = session;
         let mut g = Graph::new();
-        let (means, recorded) = session.record(&mut g, self.area, state, 0, request.aovs);
+        let layers = request.layers();
+        let (means, recorded) = session.record(&mut g, self.area, state, 0, &layers);
         let halves = means.halves.filter(|_| once.picture);
         let halves = halves.map(|halves| halves.map(|half| g.read_image::<[f32; 4]>(half)));
         let tickets = Tickets::take(&mut g, config, recorded, once.picture);
@@ -271,7 +273,7 @@ impl Renderer {
         let mut run = self.executor.run(g, &options)?;
         let Some(tickets) = tickets else { return Ok((run, None)) };
         let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));
-        let mut frame = tickets.redeem(&mut run, session.view.extent, request.aovs, taps);
+        let mut frame = tickets.redeem(&mut run, session.view.extent, &layers, taps);
         frame.samples = Some(state.samples);
         let halves = halves.filter(|_| state.samples > 1);
         frame.noise = halves.map(|[a, b]| noise(&frame.beauty.data, &a, &b, state.samples));

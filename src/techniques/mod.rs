@@ -3,6 +3,7 @@
 
 pub mod compose;
 pub mod gbuffer;
+pub mod glare;
 pub mod indirect;
 pub mod path_trace;
 pub mod tone_map;

@@ -2,7 +2,7 @@
 //! fail the test that caused them.
 //!
 //! A test whose need is not met says so and passes, unless the environment variable `PARHELION_REQUIRE` (words
-//! separated by commas: `vulkan`, `ray-query`, `validation`, `shared`) lists it: then it fails.
+//! separated by commas: `vulkan`, `ray-query`, `validation`, `shared`, `oidn`) lists it: then it fails.
 
 // Every test binary has its own copy and none uses all of it.
 #![allow(dead_code)]
