@@ -527,6 +527,7 @@ mod tests {
             ("path_trace.energy_conserving", "true"),
             ("glare.strength", "0.25"),
             ("glare.radius", "0.25"),
+            ("path_trace.adaptive", "true"),
             ("tone_map.exposure", "-1.5"),
             ("tone_map.operator", "\"aces\""),
             ("tone_map.white", "2.0"),

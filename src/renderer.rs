@@ -430,7 +430,7 @@ impl Renderer {
     ) -> Result<Frame, Error> {
         config.validate()?;
         let method = methods::named(config.method.name());
-        method.check(&request.layers())?;
+        method.check(config, &request.layers())?;
         self.ensure_boxes(&config.indirect)?;
         // A CPU device runs pass after pass: there the sum is the frame's time.
         let cpu = self.device.info().kind == DeviceKind::Cpu;
@@ -636,7 +636,7 @@ pub fn plan(
 ) -> Result<Plan, Error> {
     config.validate()?;
     let method = methods::named(config.method.name());
-    method.check(aovs)?;
+    method.check(config, aovs)?;
     let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH)
         .with_visibility(config.indirect.visibility);
     let view = Window::of(config);
@@ -644,7 +644,7 @@ pub fn plan(
     let mut g = Graph::new();
     if method.progressive {
         let image = |name| g.declare_image(name, ImageDesc::new(view.extent, Format::Rgba32Float));
-        info.means = Some(progressive::means(aovs, image));
+        info.means = Some(progressive::means(config, aovs, image));
         info.samples = 1;
     }
     let recorded = record(&mut g, &kernels, config, &view, &info, aovs, &[], 0);
@@ -682,7 +682,7 @@ impl Window {
 
     fn frame(&self, area: f32) -> FrameInfo {
         let (origin, extent) = (self.traced_origin, self.traced_extent);
-        FrameInfo { origin, extent, area, means: None, samples: 0 }
+        FrameInfo { origin, extent, area, means: None, taken: 0, samples: 0 }
     }
 }
 
@@ -770,6 +770,7 @@ fn record<'a>(
             Aov::Variance => compose::variance(g, part(layers.halves)),
             Aov::HalfA => part(layers.halves)[0],
             Aov::HalfB => part(layers.halves)[1],
+            Aov::Rate => part(layers.rates),
         });
     }
     if view.extent != info.extent {

@@ -362,12 +362,92 @@ fn a_caustic_is_the_same_with_and_without_asking() {
 fn both_backends_have_one_mean() {
     let Some((_guard, device)) = common::ray_query_device() else { return };
     let (scene, camera) = table();
-    let config = config(8, 8, 16, 4);
+    let mut config = config(8, 8, 20, 4);
+    config.path_trace.adaptive = true;
     let [a, b] = [(Backend::Software, 0), (Backend::RayQuery, 100)].map(|(backend, seed)| {
         let mut renderer = renderer(&device, scene.clone(), backend);
         estimate(&mut renderer, &RenderConfig { seed, ..config.clone() }, &camera, 16)
     });
     assert_equal_but_for_noise("backends", &a, &b, 0.02);
+}
+
+// ---- adaptive sampling ----
+
+/// A floor under a small bright lamp that only chance finds, in front of a wall that glows: bright specks on the one
+/// half of the picture, next to no noise on the other.
+fn specks() -> (Scene, Camera) {
+    let meshes = vec![
+        quad(Vec3::new(-3.0, 0.0, -1.0), Vec3::Z * 4.0, Vec3::X * 6.0, 0),
+        quad(Vec3::new(-0.3, 1.2, 0.2), Vec3::X * 0.6, Vec3::Z * 0.6, 1),
+        quad(Vec3::new(-3.0, 0.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 2),
+    ];
+    let scene = scene(meshes, vec![gray(0.7), lamp(20.0), lamp(0.5)]);
+    (scene, Camera::look_at("front", Vec3::new(0.0, 2.0, 4.0), Vec3::new(0.0, 0.6, -1.0), 0.9))
+}
+
+fn naive(adaptive: bool, size: [u32; 2], spp: u32, seed: u32) -> RenderConfig {
+    let mut config = RenderConfig { seed, ..config(size[0], size[1], spp, 3) };
+    config.path_trace.estimator = Estimator::Naive;
+    config.path_trace.adaptive = adaptive;
+    config
+}
+
+/// Where samples go depends on what samples have shown; the mean does not.
+#[test]
+fn adaptive_sampling_has_the_same_mean() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (scene, camera) = specks();
+    let mut renderer = software(&device, scene);
+    let mut of =
+        |adaptive, spp, seed| estimate(&mut renderer, &naive(adaptive, [24, 24], spp, seed), &camera, 32);
+    let (uniform, adaptive) = (of(false, 128, 0), of(true, 64, 1000));
+    assert_equal_but_for_noise("adaptive", &adaptive, &uniform, 0.02);
+}
+
+/// One sample in three thousand finds the lamp. A mean of more samples where some did and fewer where none did would be a
+/// fifth too dark.
+#[test]
+fn adaptive_sampling_is_not_fooled_by_luck() {
+    let Some((_guard, device)) = common::device() else { return };
+    let meshes = vec![
+        quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0),
+        quad(Vec3::new(-0.02, 1.2, -0.02), Vec3::X * 0.04, Vec3::Z * 0.04, 1),
+    ];
+    let scene = scene(meshes, vec![gray(0.7), lamp(1000.0)]);
+    let camera = Camera::look_at("floor", Vec3::new(0.0, 0.8, 0.8), Vec3::ZERO, 0.6);
+    let mut renderer = software(&device, scene);
+    let expected = mean(&picture(&mut renderer, &config(24, 24, 64, 2), &camera));
+    let runs = 128;
+    let means: Vec<f64> = (0..runs)
+        .map(|seed| {
+            let mut config = naive(true, [24, 24], 64, seed);
+            config.path_trace.max_depth = Some(2);
+            mean(&picture(&mut renderer, &config, &camera)) / expected
+        })
+        .collect();
+    let n = f64::from(runs);
+    let average = means.iter().sum::<f64>() / n;
+    let deviation = (means.iter().map(|m| (m - average).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt();
+    println!("{average:.3} ± {deviation:.3} of what is expected");
+    assert!((average - 1.0).abs() < 4.0 * deviation && deviation < 0.04, "{average} ± {deviation}");
+}
+
+/// As many samples leave less noise where noise is uneven.
+#[test]
+fn adaptive_sampling_pays() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (scene, camera) = specks();
+    let mut renderer = software(&device, scene);
+    let mut of = |adaptive| {
+        let frames = (0..4).map(|seed| {
+            let config = naive(adaptive, [48, 48], 128, seed);
+            renderer.render(&config, &camera, &request()).unwrap()
+        });
+        frames.map(|frame| frame.noise.unwrap().powi(2)).sum::<f64>()
+    };
+    let gain = of(false) / of(true);
+    println!("samples to equal noise: {gain:.2} times fewer");
+    assert!(gain > 1.25, "{gain}");
 }
 
 // ---- an independent renderer's pictures ----
@@ -501,6 +581,16 @@ fn request<'a>() -> FrameRequest<'a> {
     FrameRequest { aovs: &[Aov::HalfA, Aov::HalfB, Aov::Variance], ..FrameRequest::default() }
 }
 
+/// What a frame with [`request`]'s layers is continued from.
+fn so_far(frame: &Frame) -> Resume {
+    Resume {
+        samples: frame.samples.unwrap(),
+        mean: frame.beauty.clone(),
+        halves: Some([frame.aovs[0].1.clone(), frame.aovs[1].1.clone()]),
+        rates: frame.aovs.get(3).map(|(_, layer)| layer.clone()),
+    }
+}
+
 /// A render stopped twice on the way and continued has the bits of one that was not.
 #[test]
 fn a_render_goes_on_where_it_stopped() {
@@ -510,11 +600,6 @@ fn a_render_goes_on_where_it_stopped() {
     let render = |renderer: &mut Renderer, spp, resume: Option<&Resume>| {
         let config = RenderConfig { seed: 3, ..config(20, 12, spp, 5) };
         renderer.render(&config, &camera, &FrameRequest { resume, ..request() }).unwrap()
-    };
-    let so_far = |frame: &Frame| Resume {
-        samples: frame.samples.unwrap(),
-        mean: frame.beauty.clone(),
-        halves: Some([frame.aovs[0].1.clone(), frame.aovs[1].1.clone()]),
     };
     let whole = render(&mut renderer, 13, None);
     let first = render(&mut renderer, 2, None);
@@ -537,6 +622,44 @@ fn a_render_goes_on_where_it_stopped() {
     config.size = [12, 20];
     let error = renderer.render(&config, &camera, &plain).unwrap_err().to_string();
     assert!(error.contains("20x12") && error.contains("12x20"), "{error}");
+}
+
+/// Adaptive sampling goes on within rounds and between them, and refuses what it cannot go on from.
+#[test]
+fn adaptive_sampling_goes_on_where_it_stopped() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (scene, camera) = table();
+    let mut renderer = software(&device, scene);
+    let aovs = [Aov::HalfA, Aov::HalfB, Aov::Variance, Aov::Rate];
+    let config = |spp| {
+        let mut config = RenderConfig { seed: 3, ..config(44, 28, spp, 4) };
+        config.path_trace.adaptive = true;
+        config
+    };
+    let mut render = |spp, resume: Option<&Resume>| {
+        let request = FrameRequest { aovs: &aovs, resume, ..FrameRequest::default() };
+        renderer.render(&config(spp), &camera, &request)
+    };
+    let whole = render(75, None).unwrap();
+    let rates = &whole.aovs[3].1;
+    let rate = |i: usize| rates.data[3 * i];
+    assert!((0..44 * 28).any(|i| rate(i) > 1.0) && (0..44 * 28).any(|i| rate(i) < 1.0));
+    let mut part: Option<Frame> = None;
+    for spp in [7, 16, 21, 30, 32, 51, 75] {
+        part = Some(render(spp, part.as_ref().map(so_far).as_ref()).unwrap());
+    }
+    let part = part.unwrap();
+    assert!(part.beauty == whole.beauty && part.aovs == whole.aovs, "other bits");
+
+    let good = so_far(&whole);
+    let mut broken = good.clone();
+    broken.rates.as_mut().unwrap().data[0] = 0.3;
+    for resume in [Resume { rates: None, ..good.clone() }, broken] {
+        let error = render(90, Some(&resume)).unwrap_err();
+        assert!(error.to_string().contains("rate") && error.exit_code() == 2, "{error}");
+    }
+    let error = render(90, Some(&Resume { halves: None, ..good })).unwrap_err();
+    assert!(error.to_string().contains("half_a"), "{error}");
 }
 
 /// Beauty is the mean of its halves; the variance they predict is the one pictures of other seeds show.
@@ -604,28 +727,35 @@ fn previews_are_whole_pictures() {
     let Some((_guard, device)) = common::device() else { return };
     let (scene, camera) = table();
     let mut renderer = software(&device, scene);
-    let cancel = AtomicBool::new(false);
-    let seen: RefCell<Vec<Frame>> = RefCell::default();
-    let show = |frame: &Frame| {
-        seen.borrow_mut().push(frame.clone());
-        cancel.store(seen.borrow().len() == 3, Ordering::SeqCst);
-    };
-    let preview = Some(Preview { every: Duration::from_nanos(1), show: &show });
-    let endless = config(32, 24, 1 << 24, 4);
-    let request = FrameRequest { preview, cancel: Some(&cancel), ..FrameRequest::default() };
-    let last = renderer.render(&endless, &camera, &request).unwrap();
-    let mut seen = seen.into_inner();
-    assert_eq!(seen.len(), 3);
-    assert_eq!(last.samples, seen[2].samples, "a stop adds nothing");
-    seen.push(last);
-    for shown in seen {
-        let config = config(32, 24, shown.samples.unwrap(), 4);
-        let whole = renderer.render(&config, &camera, &FrameRequest::default()).unwrap();
-        assert!(
-            whole.beauty == shown.beauty && whole.display == shown.display,
-            "{:?} samples",
-            shown.samples
-        );
+    for adaptive in [false, true] {
+        let config = |spp| {
+            let mut config = config(32, 24, spp, 4);
+            config.path_trace.adaptive = adaptive;
+            config
+        };
+        let cancel = AtomicBool::new(false);
+        let seen: RefCell<Vec<Frame>> = RefCell::default();
+        let show = |frame: &Frame| {
+            seen.borrow_mut().push(frame.clone());
+            cancel.store(frame.samples.unwrap() > 20, Ordering::SeqCst);
+        };
+        let preview = Some(Preview { every: Duration::from_nanos(1), show: &show });
+        let endless = config(1 << 24);
+        let request = FrameRequest { preview, cancel: Some(&cancel), ..FrameRequest::default() };
+        let last = renderer.render(&endless, &camera, &request).unwrap();
+        let mut seen = seen.into_inner();
+        assert!(seen.len() > 1);
+        assert_eq!(last.samples, seen[seen.len() - 1].samples, "a stop adds nothing");
+        seen.push(last);
+        for shown in seen {
+            let whole =
+                renderer.render(&config(shown.samples.unwrap()), &camera, &FrameRequest::default()).unwrap();
+            assert!(
+                whole.beauty == shown.beauty && whole.display == shown.display,
+                "{:?} samples",
+                shown.samples
+            );
+        }
     }
 }
 
@@ -674,7 +804,9 @@ fn layers_a_method_lacks_are_refused() {
     for aov in [Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance] {
         assert_eq!(ask(&path, aov).unwrap().aovs[0].1.data.len(), 16 * aov.channels());
     }
-    for (config, aov) in [(path, Aov::Irradiance), (RenderConfig::default(), Aov::Variance)] {
+    for (config, aov) in
+        [(path.clone(), Aov::Irradiance), (path, Aov::Rate), (RenderConfig::default(), Aov::Variance)]
+    {
         let error = ask(&config, aov).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         let text = error.to_string();
@@ -763,8 +895,19 @@ fn files_are_resumed_to_the_same_bits() {
         &with(&["--resume", "whole.exr", "--camera", "0", "--environment", "1,1,1"]),
         &["scene hash"],
     );
+    fail(folder, &with(&["--resume", "whole.exr", "--adaptive"]), &["whole.exr", "sampling", "adaptive"]);
     succeed(folder, &["--size", "8x8", "--spp", "1", "-o", "a.png"]);
     fail(folder, &with(&["--resume", "a.png"]), &["a.png"]);
+
+    let layers = ["--adaptive", "--aov", "half_a,half_b,rate"];
+    succeed(folder, &[&with(&["--spp", "39", "-o", "whole.exr"])[..], &layers].concat());
+    succeed(folder, &[&with(&["--spp", "21", "-o", "part.exr"])[..], &layers].concat());
+    let on = ["--spp", "39", "--resume", "part.exr", "-o", "part.exr"];
+    succeed(folder, &[&with(&on)[..], &layers].concat());
+    let [whole, part] = ["whole.exr", "part.exr"].map(|name| read_exr(&folder.join(name)).unwrap());
+    assert!(whole.channels == part.channels && whole.channels.len() == 12, "other bits");
+    succeed(folder, &with(&["--adaptive", "--spp", "4", "-o", "bare.exr"]));
+    fail(folder, &with(&["--adaptive", "--resume", "bare.exr"]), &["bare.exr", "rate"]);
 }
 
 /// At every moment the file is a whole picture; an interrupted render leaves its last, and says that it is no success.

@@ -22,12 +22,21 @@ layout(constant_id = 1) const uint CONNECT = CONNECT_ALL;
 layout(constant_id = 2) const bool BOX_FILTER = true; // the pixel's centre otherwise
 layout(constant_id = 3) const bool FINDS_LIGHT = true; // rays may: something emits other than delta lights
 layout(constant_id = 4) const bool HALVES = true;
+layout(constant_id = 5) const bool ADAPTIVE = true;
 
-layout(set = 1, binding = 0, rgba32f) uniform image2D mean; // w: samples it is of
+layout(set = 1, binding = 0, rgba32f) uniform image2D mean; // w: samples it is of, those at a rate of r as 1/r
 // Means of every second sample, from the first and from the second on; `mean` again where they are not asked for.
 layout(set = 1, binding = 1, rgba32f) uniform image2D half_a;
 layout(set = 1, binding = 2, rgba32f) uniform image2D half_b;
-layout(push_constant) uniform Params { uint samples; uint max_depth; uint roulette_depth; } params;
+layout(set = 1, binding = 3, rgba32f) uniform readonly image2D rates; // x: samples for each of the mean pixel's, z: before the round
+// Samples of the mean pixel: before this round of equal rates, in it so far, and to be taken.
+layout(push_constant) uniform Params {
+    uint before;
+    uint first;
+    uint samples;
+    uint max_depth;
+    uint roulette_depth;
+} params;
 
 // Sample sets of a path: a vertex takes five.
 const uint SET_PIXEL = 0u;
@@ -206,21 +215,27 @@ void main() {
         a = imageLoad(half_a, pixel);
         b = imageLoad(half_b, pixel);
     }
-    for (uint i = 0u; i < params.samples; ++i) {
+    vec3 rates_here = ADAPTIVE ? imageLoad(rates, pixel).xyz : vec3(1.0, 1.0, 0.0);
+    float rate = rates_here.x, before = float(params.before);
+    uint taken = uint(rates_here.z); // an even number
+    uint i = uint(ceil(float(params.first) * rate)), end = uint(ceil(float(params.first + params.samples) * rate));
+    for (; i < end; ++i) {
         // Halves have sequences of their own, or they would not tell how much a pixel varies.
-        uint half_index = uint(all.w) & 1u;
+        uint half_index = i & 1u;
         pixel_seed = hash(seed, half_index);
-        sample_index = uint(all.w) >> 1;
+        sample_index = (taken + i) >> 1;
         vec2 offset_in_pixel = BOX_FILTER ? sobol(sample_index, hash(pixel_seed, SET_PIXEL)) : vec2(0.5);
         vec3 radiance = trace_path(camera_ray(uvec2(pixel), offset_in_pixel));
-        all.w += 1.0;
-        all.rgb += (radiance - all.rgb) / all.w;
+        // As a count over the rate, not a sum of parts: exact at any length.
+        all.w = before + float(i + 1u) / rate;
+        all.rgb += (radiance - all.rgb) / (all.w * rate);
+        float half_weight = 0.5 * before + float((i >> 1) + 1u) / rate;
         if (HALVES && half_index == 0u) {
-            a.w += 1.0;
-            a.rgb += (radiance - a.rgb) / a.w;
+            a.w = half_weight;
+            a.rgb += (radiance - a.rgb) / (a.w * rate);
         } else if (HALVES) {
-            b.w += 1.0;
-            b.rgb += (radiance - b.rgb) / b.w;
+            b.w = half_weight;
+            b.rgb += (radiance - b.rgb) / (b.w * rate);
         }
     }
     imageStore(mean, pixel, all);

@@ -139,6 +139,10 @@ pub(super) struct Render {
     /// Where in a pixel its paths begin: anywhere, or at the centre [default: box].
     #[arg(long, value_parser = ["box", "center"])]
     pub(super) pixel_filter: Option<String>,
+    /// Let it take up to 8 times as many paths where the picture is noisy, fewer elsewhere; not for references. --resume
+    /// then needs --aov half_a,half_b,rate.
+    #[arg(long)]
+    pub(super) adaptive: bool,
     /// Stop it after this time, such as 30s, 5m or 1h; --spp is a limit too only where it is given.
     #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
     pub(super) time: Option<Duration>,
@@ -169,7 +173,7 @@ pub(super) struct Render {
     #[arg(long)]
     pub(super) denoise: bool,
     /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth; of
-    /// --method path albedo, N, P, depth, variance, half_a, half_b.
+    /// --method path albedo, N, P, depth, variance, half_a, half_b, with --adaptive rate.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
     pub(super) aov: Vec<Aov>,
     /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].

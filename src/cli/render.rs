@@ -26,7 +26,7 @@ use std::time::Duration;
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let config = settings(args)?;
     let method = methods::named(config.method.name());
-    method.check(&args.aov).map_err(|error| input!("--aov: {error}"))?;
+    method.check(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
     let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
@@ -242,14 +242,22 @@ fn resume(file: &Path, args: &Render, config: &RenderConfig, origin: &Origin) ->
     let Some(mean) = noisy.or_else(|| layer(["R", "G", "B"])) else {
         return Err(input!("--resume: {name}: has no channels R, G and B"));
     };
-    let halves = layer(["half_a.R", "half_a.G", "half_a.B"]).zip(layer(["half_b.R", "half_b.G", "half_b.B"]));
+    let halves = layer(["half_a.R", "half_a.G", "half_a.B"])
+        .zip(layer(["half_b.R", "half_b.G", "half_b.B"]))
+        .map(|(a, b)| [a, b]);
+    let rates = layer(["rate.now", "rate.variance", "rate.taken"]);
     let halved = args.aov.iter().any(|aov| aov.takes_halves());
+    if config.path_trace.adaptive && (halves.is_none() || rates.is_none()) {
+        return Err(input!(
+            "--resume: {name}: has no layers half_a, half_b and rate, which --adaptive goes on from"
+        ));
+    }
     if halves.is_none() && (args.noise.is_some() || halved) {
         return Err(input!(
             "--resume: {name}: has no layers half_a and half_b, which --noise and --aov variance go on from"
         ));
     }
-    Ok(Resume { samples, mean, halves: halves.map(|(a, b)| [a, b]) })
+    Ok(Resume { samples, mean, halves, rates })
 }
 
 /// A file, or three numbers.
@@ -369,6 +377,7 @@ fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         let suffixes: &[&str] = match aov {
             Aov::Depth => &["Z"],
             Aov::N | Aov::P => &["X", "Y", "Z"],
+            Aov::Rate => &["now", "variance", "taken"],
             _ => &["R", "G", "B"],
         };
         let name = |suffix: &&str| match aov {

@@ -46,6 +46,7 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--estimator", "path_trace.estimator", args.estimator.clone()),
         ("--transport", "path_trace.transport", args.transport.clone()),
         ("--pixel-filter", "path_trace.pixel_filter", args.pixel_filter.clone()),
+        ("--adaptive", "path_trace.adaptive", args.adaptive.then(|| "true".into())),
         ("--exposure", "tone_map.exposure", args.exposure.clone()),
         ("--tone-map", "tone_map.operator", args.tone_map.clone()),
         ("--glare", "glare.strength", args.glare.map(|strength| format!("{strength:?}"))),

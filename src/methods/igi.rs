@@ -52,6 +52,7 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
         specular,
         irradiance: Some(indirect.irradiance),
         halves: None,
+        rates: None,
         vpl_count: Some(vpls.count),
         regathered: indirect.regathered,
     }

@@ -34,11 +34,14 @@ pub enum Aov {
     HalfA,
     /// Radiance by samples 1, 3, 5, … alone, 3 channels.
     HalfB,
+    /// Of adaptive sampling, 3 channels: samples a pixel takes for each that pixels take on average, the variance that
+    /// rates so far have led to, 1 where it is that of equal rates, and samples it took before the rates last changed.
+    Rate,
 }
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Albedo,
         Self::N,
         Self::P,
@@ -50,6 +53,7 @@ impl Aov {
         Self::Variance,
         Self::HalfA,
         Self::HalfB,
+        Self::Rate,
     ];
 
     /// Its word on the command line and in files.
@@ -67,6 +71,7 @@ impl Aov {
             Self::Variance => "variance",
             Self::HalfA => "half_a",
             Self::HalfB => "half_b",
+            Self::Rate => "rate",
         }
     }
 
@@ -100,6 +105,8 @@ pub struct Layers {
     pub irradiance: Option<Res<Image>>,
     /// Beauty by every second sample, of progressive methods asked for it.
     pub halves: Option<[Res<Image>; 2]>,
+    /// Rates of adaptive sampling, where it is.
+    pub rates: Option<Res<Image>>,
     /// VPLs that exist, of methods that have some.
     pub vpl_count: Option<Res<Buffer>>,
     /// Four unsigned integers, the last of them how many pixels no filter could serve; where some may be.
@@ -117,6 +124,8 @@ pub struct FrameInfo {
     pub area: f32,
     /// What a progressive method has come to.
     pub means: Option<Means>,
+    /// Samples a pixel that a progressive method has taken before.
+    pub taken: u32,
     /// Samples a pixel that a progressive method takes in this graph.
     pub samples: u32,
 }
@@ -140,13 +149,18 @@ pub struct Method {
 pub const REGISTRY: &[Method] = &[igi::METHOD, path::METHOD];
 
 impl Method {
-    /// Checks that the method can draw these layers.
+    /// Checks that the method can draw these layers with these settings.
     ///
     /// # Errors
     /// Names the first that it can't.
-    pub fn check(&self, aovs: &[Aov]) -> Result<(), NoLayer> {
-        match aovs.iter().find(|aov| !self.aovs.contains(aov)) {
-            Some(aov) => Err(NoLayer { method: self.name, layer: aov.name(), there: self.aovs }),
+    pub fn check(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<(), NoLayer> {
+        let there = |aov: &Aov| self.aovs.contains(aov) && (*aov != Aov::Rate || config.path_trace.adaptive);
+        match aovs.iter().find(|aov| !there(aov)) {
+            Some(aov) => Err(NoLayer {
+                method: self.name,
+                layer: aov.name(),
+                there: self.aovs.iter().copied().filter(there).collect(),
+            }),
             None => Ok(()),
         }
     }
@@ -161,7 +175,7 @@ pub struct NoLayer {
     /// The layer asked for.
     pub layer: &'static str,
     /// Those there are.
-    pub there: &'static [Aov],
+    pub there: Vec<Aov>,
 }
 
 fn names(aovs: &[Aov]) -> String {

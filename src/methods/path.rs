@@ -12,7 +12,7 @@ use crate::techniques::{Kernels, gbuffer, path_trace};
 pub const METHOD: Method = Method {
     name: "path",
     about: "path tracing, the reference",
-    aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB],
+    aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB, Aov::Rate],
     progressive: true,
     record,
 };
@@ -21,7 +21,7 @@ pub const METHOD: Method = Method {
 /// Without means to add to.
 fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let means = frame.means.expect("progressive methods are given means");
-    path_trace::path_trace(g, k, &config.path_trace, config.max_depth(), &means, frame.samples);
+    path_trace::path_trace(g, k, &config.path_trace, config.max_depth(), &means, frame.taken, frame.samples);
     Layers {
         beauty: means.all,
         gbuffer: gbuffer::gbuffer(g, k, frame.origin, frame.extent),
@@ -30,6 +30,7 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
         specular: None,
         irradiance: None,
         halves: means.halves,
+        rates: means.rates,
         vpl_count: None,
         regathered: None,
     }

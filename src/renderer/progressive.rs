@@ -10,7 +10,9 @@ use crate::config::RenderConfig;
 use crate::graph::{self, Graph, Image, Res, RunOptions};
 use crate::methods::{Aov, FrameInfo};
 use crate::scene::Camera;
-use crate::techniques::{Kernels, path_trace::Means};
+use crate::techniques::Kernels;
+use crate::techniques::path_trace::Means;
+use crate::techniques::path_trace::adaptive::{MAX_RATE, Rates, Round, relative_variance};
 use crate::vk::{self, Format};
 use glam::Vec2;
 use std::fmt;
@@ -34,8 +36,11 @@ pub struct Resume {
     pub samples: u32,
     /// Beauty.
     pub mean: Layer,
-    /// The layers [`Aov::HalfA`] and [`Aov::HalfB`], which only those two, [`Aov::Variance`] and a limit to noise need.
+    /// The layers [`Aov::HalfA`] and [`Aov::HalfB`], which only those two, [`Aov::Variance`], a limit to noise and
+    /// adaptive sampling need.
     pub halves: Option<[Layer; 2]>,
+    /// The layer [`Aov::Rate`], which only adaptive sampling needs.
+    pub rates: Option<Layer>,
 }
 
 /// Shows a picture on the way.
@@ -59,28 +64,36 @@ impl fmt::Debug for Preview<'_> {
 pub fn noise(mean: &[f32], a: &[f32], b: &[f32], samples: u32) -> f64 {
     let (n, count) = (f64::from(samples), mean.len().max(1) as f64);
     let share = f64::from(samples.div_ceil(2)) / n * (f64::from(samples / 2) / n);
-    let average = mean.iter().map(|&m| f64::from(m)).sum::<f64>() / count;
-    let terms = mean.iter().zip(a.iter().zip(b)).map(|(&m, (&a, &b))| {
-        let variance = share * (f64::from(a) - f64::from(b)).powi(2);
-        if variance == 0.0 { 0.0 } else { variance / (f64::from(m).powi(2) + 0.01 * average * average) }
-    });
+    let terms = relative_variance(mean, a, b, share);
     (terms.sum::<f64>() / count).sqrt()
 }
 
 /// The means that drawing `aovs` takes.
-pub(super) fn means(aovs: &[Aov], mut image: impl FnMut(&'static str) -> Res<Image>) -> Means {
-    let halves = aovs.iter().any(|aov| aov.takes_halves());
-    Means { all: image("mean"), halves: halves.then(|| [image("half_a"), image("half_b")]) }
+pub(super) fn means(
+    config: &RenderConfig,
+    aovs: &[Aov],
+    mut image: impl FnMut(&'static str) -> Res<Image>,
+) -> Means {
+    let adaptive = config.path_trace.adaptive;
+    let halves = adaptive || aovs.iter().any(|aov| aov.takes_halves());
+    Means {
+        all: image("mean"),
+        halves: halves.then(|| [image("half_a"), image("half_b")]),
+        rates: adaptive.then(|| image("rates")),
+    }
 }
 
 /// Images that outlive the graphs, and what they hold.
 struct State {
     all: vk::Image,
     halves: Option<[vk::Image; 2]>,
+    rates: Option<(vk::Image, Rates)>,
     samples: u32,
-    /// Whether the images hold anything; black or `contents` is what they begin with.
+    /// Whether the means hold anything; black or `contents` is what they begin with.
     begun: bool,
     contents: Option<Vec<Vec<u8>>>,
+    /// Whether the rates are on the device.
+    rated: bool,
 }
 
 /// What decides a picture, once for all its graphs.
@@ -96,14 +109,22 @@ impl State {
         device: &vk::Device,
         extent: [u32; 2],
         halves: bool,
+        adaptive: bool,
         resume: Option<&Resume>,
     ) -> Result<Self, Error> {
         let image = |name| device.image(name, extent, Format::Rgba32Float);
         let all = image("mean")?;
         let halves = if halves { Some([image("half_a")?, image("half_b")?]) } else { None };
         let samples = resume.map_or(0, |resume| resume.samples);
-        let contents = resume.map(|resume| contents(resume, extent, halves.is_some())).transpose()?;
-        Ok(Self { all, halves, samples, begun: false, contents })
+        let rates = match resume {
+            _ if !adaptive => None,
+            None => Some(Rates::new(extent)),
+            Some(resume) => Some(rates(resume, extent)?),
+        };
+        let contents =
+            resume.map(|resume| contents(resume, extent, halves.is_some(), rates.as_ref())).transpose()?;
+        let rates = rates.map(|rates| Ok::<_, Error>((image("rates")?, rates))).transpose()?;
+        Ok(Self { all, halves, rates, samples, begun: false, contents, rated: false })
     }
 
     /// The images in a graph, with a first content where they have none.
@@ -120,7 +141,14 @@ impl State {
                 }
             }
         }
-        Means { all, halves }
+        let rates = self.rates.as_ref().map(|(image, rates)| {
+            let image = g.import_image("rates", image);
+            if !self.rated {
+                g.upload_image("rates", image, bytemuck::cast_slice(&rates.texels()).to_vec());
+            }
+            image
+        });
+        Means { all, halves, rates }
     }
 }
 
@@ -135,35 +163,61 @@ impl Session<'_> {
         aovs: &[Aov],
     ) -> (Means, Recorded) {
         let means = state.import(g);
-        let info = FrameInfo { means: Some(means), samples, ..self.view.frame(area) };
+        let taken = state.samples;
+        let info = FrameInfo { means: Some(means), taken, samples, ..self.view.frame(area) };
         (means, record(g, &self.kernels, self.config, &self.view, &info, aovs, &[], 0))
     }
 }
 
-/// Texels of the means, the number of samples behind each colour.
-fn contents(resume: &Resume, extent: [u32; 2], halves: bool) -> Result<Vec<Vec<u8>>, Error> {
+/// Checks a layer's shape.
+fn fits(layer: &Layer, extent: [u32; 2], channels: usize) -> Result<(), Error> {
+    if [layer.width, layer.height] == extent && layer.channels == channels {
+        return Ok(());
+    }
+    let (given, [width, height]) = ((layer.width, layer.height), extent);
+    Err(Error::Resume(format!("{}x{} pixels in place of {width}x{height}", given.0, given.1)))
+}
+
+/// The rates it goes on at.
+fn rates(resume: &Resume, extent: [u32; 2]) -> Result<Rates, Error> {
+    let layer = resume
+        .rates
+        .as_ref()
+        .ok_or_else(|| Error::Resume("there is no layer rate, which adaptive sampling needs".into()))?;
+    fits(layer, extent, 3)?;
+    Rates::read(extent, &layer.data)
+        .ok_or_else(|| Error::Resume("the layer rate holds what no render leaves there".into()))
+}
+
+/// Texels of the means, what the samples behind each colour weigh in w.
+fn contents(
+    resume: &Resume,
+    extent: [u32; 2],
+    halves: bool,
+    rates: Option<&Rates>,
+) -> Result<Vec<Vec<u8>>, Error> {
     let n = resume.samples;
-    let mut layers = vec![(&resume.mean, n)];
+    let mut layers = vec![&resume.mean];
     if halves {
-        let Some([a, b]) = &resume.halves else {
+        let Some(halves) = &resume.halves else {
             return Err(Error::Resume(
-                "there are no layers half_a and half_b, which noise and variance need".into(),
+                "there are no layers half_a and half_b, which noise, variance and adaptive sampling need"
+                    .into(),
             ));
         };
-        layers.extend([(a, n.div_ceil(2)), (b, n / 2)]);
+        layers.extend(halves);
     }
-    let texels = |(layer, samples): (&Layer, u32)| {
-        if [layer.width, layer.height] != extent || layer.channels != 3 {
-            let (given, [width, height]) = ((layer.width, layer.height), extent);
-            return Err(Error::Resume(format!(
-                "{}x{} pixels in place of {width}x{height}",
-                given.0, given.1
-            )));
-        }
-        let texels = layer.data.chunks_exact(3).flat_map(|c| [c[0], c[1], c[2], samples as f32]);
-        Ok(bytemuck::cast_slice(&texels.collect::<Vec<f32>>()).to_vec())
+    let weight = |pixel: usize, layer: usize| match rates {
+        Some(rates) => rates.weights(pixel, n)[layer],
+        None => [n, n.div_ceil(2), n / 2][layer] as f32,
     };
-    layers.into_iter().map(texels).collect()
+    let texels = |(index, layer): (usize, &Layer)| {
+        fits(layer, extent, 3)?;
+        let colours = layer.data.chunks_exact(3).enumerate();
+        let texels = colours.map(|(pixel, c)| [c[0], c[1], c[2], weight(pixel, index)]);
+        Ok(bytemuck::cast_slice(&texels.collect::<Vec<[f32; 4]>>()).to_vec())
+    };
+    layers.into_iter().enumerate().map(texels).collect()
 }
 
 impl Renderer {
@@ -177,8 +231,9 @@ impl Renderer {
     ) -> Result<Rendered, Error> {
         let start = Instant::now();
         let view = Window::of(config);
-        let halves = request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
-        let mut state = State::new(&self.device, view.extent, halves, request.resume)?;
+        let adaptive = config.path_trace.adaptive;
+        let halves = adaptive || request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
+        let mut state = State::new(&self.device, view.extent, halves, adaptive, request.resume)?;
         self.write_uniform(config, camera, Vec2::splat(0.5), once.counters)?;
         let kernels = self.kernels(config.whitted.mirror_roughness);
         let session = Session { config, request, kernels, view };
@@ -192,7 +247,8 @@ impl Renderer {
         let (first, mut next_check) = (state.samples, LEAST_SAMPLES.max(state.samples));
         let mut rendered = Rendered::new();
         let (mut seconds_a_sample, mut shown) = (None, start);
-        let most = (PASS_EDGES / config.max_depth()).max(1);
+        let rate = if adaptive { MAX_RATE } else { 1 };
+        let most = (PASS_EDGES / config.max_depth().saturating_mul(rate)).max(1);
 
         while state.samples < target && !cancelled() && request.time.is_none_or(|time| start.elapsed() < time)
         {
@@ -203,10 +259,16 @@ impl Renderer {
                     break;
                 }
             }
+            if adaptive && state.samples > 0 && Round::of(state.samples).start == state.samples {
+                self.next_round(&mut state)?;
+            }
             let fitting = seconds_a_sample.map_or(1, |seconds: f64| (PASS_SECONDS / seconds) as u32);
             let mut samples = fitting.clamp(1, most).min(target - state.samples);
             if request.noise.is_some() && next_check > state.samples {
                 samples = samples.min(next_check - state.samples);
+            }
+            if adaptive {
+                samples = samples.min(Round::of(state.samples).end - state.samples);
             }
             let pass_start = Instant::now();
             let done = |share: f64| {
@@ -226,7 +288,7 @@ impl Renderer {
                 ..RunOptions::default()
             };
             let run = self.executor.run(g, &options)?;
-            state.begun = true;
+            (state.begun, state.rated) = (true, true);
             rendered.add(&run);
             state.samples += samples;
             seconds_a_sample = Some((pass_start.elapsed().as_secs_f64() / f64::from(samples)).max(1e-9));
@@ -281,16 +343,31 @@ impl Renderer {
     }
 
     fn noise_of(&mut self, state: &State) -> Result<f64, Error> {
-        let mut g = Graph::new();
-        let Means { all, halves } = state.import(&mut g);
-        let tickets = std::iter::once(all).chain(halves.into_iter().flatten());
-        let tickets: Vec<_> = tickets.map(|image| g.read_image::<[f32; 4]>(image)).collect();
-        let mut run = self.executor.run(g, &RunOptions::default())?;
-        let images: Vec<_> = tickets.into_iter().map(|ticket| colours(&run.take(ticket))).collect();
+        let images = self.means_of(state)?;
         Ok(match &images[..] {
             [mean, a, b] => noise(mean, a, b, state.samples),
             _ => f64::INFINITY,
         })
+    }
+
+    /// Decides the rates of the round that begins.
+    fn next_round(&mut self, state: &mut State) -> Result<(), Error> {
+        let images = self.means_of(state)?;
+        if let (Some((_, rates)), [mean, a, b]) = (&mut state.rates, &images[..]) {
+            *rates = rates.next(mean, a, b, state.samples);
+            state.rated = false;
+        }
+        Ok(())
+    }
+
+    /// Mean and halves, RGB.
+    fn means_of(&mut self, state: &State) -> Result<Vec<Vec<f32>>, Error> {
+        let mut g = Graph::new();
+        let Means { all, halves, .. } = state.import(&mut g);
+        let tickets = std::iter::once(all).chain(halves.into_iter().flatten());
+        let tickets: Vec<_> = tickets.map(|image| g.read_image::<[f32; 4]>(image)).collect();
+        let mut run = self.executor.run(g, &RunOptions::default())?;
+        Ok(tickets.into_iter().map(|ticket| colours(&run.take(ticket))).collect())
     }
 }
 

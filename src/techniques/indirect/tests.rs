@@ -575,8 +575,14 @@ fn many_submits_are_one_frame() {
     let uniform = device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
     let set = device.scene_set(Backend::Software, &uniform, structure.top_level()).unwrap();
     let kernels = Kernels::new(&SceneProfile::of(&scene, 0.1), structure.stack_depth());
-    let frame =
-        FrameInfo { origin: [0, 0], extent: size, area: scene.area() as f32, means: None, samples: 0 };
+    let frame = FrameInfo {
+        origin: [0, 0],
+        extent: size,
+        area: scene.area() as f32,
+        means: None,
+        taken: 0,
+        samples: 0,
+    };
     for filter in FILTERS {
         let mut config = config(size, 3, 2);
         config.vpl_shoot.vpls = 60;
