@@ -497,8 +497,7 @@ impl Renderer {
         let start = Instant::now();
         let view = Window::of(config);
         let info = view.frame(self.area);
-        let kernels =
-            self.kernels(config.whitted.mirror_roughness).with_visibility(config.indirect.visibility);
+        let kernels = self.kernels(config.whitted.mirror_roughness).with_indirect(&config.indirect);
         let samples = config.pixel_samples;
         let layers = request.layers();
         let means = self.means(config, &layers)?;
@@ -613,7 +612,8 @@ impl Renderer {
             seed: config.seed,
             specular_depth: config.whitted.specular_depth,
             mirror_roughness: config.whitted.mirror_roughness,
-            energy_conserving: config.path_trace.energy_conserving.into(),
+            energy_conserving: config.energy_conserving.into(),
+            light_samples: if self.gpu.area_lights() { config.whitted.light_samples } else { 0 },
             ..self.gpu.data
         };
         let bytes = bytemuck::bytes_of(&data);
@@ -638,7 +638,7 @@ pub fn plan(
     let method = methods::named(config.method.name());
     method.check(config, aovs)?;
     let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH)
-        .with_visibility(config.indirect.visibility);
+        .with_indirect(&config.indirect);
     let view = Window::of(config);
     let mut info = view.frame(scene.area() as f32);
     let mut g = Graph::new();
@@ -765,6 +765,7 @@ fn record<'a>(
             Aov::P => geometry(g).position,
             Aov::Direct => part(layers.direct),
             Aov::Specular => layers.specular.unwrap_or_else(|| compose::black(g, layers.beauty)),
+            Aov::Glossy => layers.glossy.unwrap_or_else(|| compose::black(g, layers.beauty)),
             Aov::Indirect => compose::indirect(g, &layers.gbuffer, part(layers.irradiance)),
             Aov::Irradiance => part(layers.irradiance),
             Aov::Variance => compose::variance(g, part(layers.halves)),

@@ -604,6 +604,9 @@ fn a_scene_without_lights_is_lit_from_the_camera_and_says_so() {
     let lit = folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr"]);
     assert!(stderr(&lit).contains("note: ") && stderr(&lit).contains("light"), "{}", stderr(&lit));
     assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g > 0.0));
+    let sky = folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr", "--environment", "0.5,1,2"]);
+    assert!(!stderr(&sky).contains("headlight"), "{}", stderr(&sky));
+    assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g > 0.0));
     folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr", "--no-headlight"]);
     assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g == 0.0));
 }

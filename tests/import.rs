@@ -2,8 +2,8 @@
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3, Vec4};
 use parhelion::scene::{
-    self, AlphaMode, Camera, Environment, Filter, Instance, LightKind, LoadOptions, Material, Mesh, Scene,
-    SceneError, SceneProfile, View, Wrap,
+    self, AlphaMode, Camera, Clearcoat, Environment, Filter, Instance, LightKind, LoadOptions, Material,
+    Mesh, Scene, SceneError, SceneProfile, View, Wrap,
 };
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -1393,7 +1393,19 @@ fn profiles_count_what_triangles_use() {
         of(Material { transmission: 0.5, ..plastic.clone() }),
         SceneProfile { glass: true, ..plain.clone() }
     );
-    assert_eq!(of(Material { unlit: true, ..plastic }), SceneProfile { unlit: true, ..plain.clone() });
+    assert_eq!(
+        of(Material { unlit: true, ..plastic.clone() }),
+        SceneProfile { unlit: true, ..plain.clone() }
+    );
+    let pane = Material { transmission: 0.5, roughness: 0.2, ..plastic.clone() };
+    assert_eq!(of(pane), SceneProfile { glass: true, rough_glass: true, rough_lobes: true, ..plain.clone() });
+    for (roughness, smooth_coats) in [(0.1, true), (0.11, false)] {
+        let clearcoat = Some(Clearcoat { factor: 0.5, roughness, ..Clearcoat::default() });
+        let coated = Material { clearcoat, ..Material::diffuse("coated", Vec3::ONE) };
+        let expected =
+            SceneProfile { clearcoat: true, smooth_coats, rough_lobes: !smooth_coats, ..plain.clone() };
+        assert_eq!(of(coated), expected);
+    }
     let lamp = Material { emission: Vec3::Z, ..Material::diffuse("lamp", Vec3::ONE) };
     assert_eq!(of(lamp), SceneProfile { emission: true, ..plain.clone() });
 }

@@ -240,7 +240,7 @@ fn a_white_furnace_shows_nothing_brighter_than_itself() {
         let mut scene = scene(vec![ball(Vec3::ZERO, 1.0, 0)], vec![material]);
         scene.environment = Some(Environment::constant(Vec3::ONE));
         let mut config = config(16, 16, 64, 64);
-        config.path_trace.energy_conserving = true;
+        config.energy_conserving = true;
         config.path_trace.roulette_depth = 64;
         let data = picture(&mut software(&device, scene), &config, &camera);
         let mean = mean(&data);

@@ -5,7 +5,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "lib/fresnel.glsl"
+#include "lib/glossy.glsl"
 #include "trace/trace.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform writeonly uimage2D out_hits;
@@ -22,7 +22,9 @@ void main() {
         Surface surface = surface_at(hit);
         bool front = face(surface, -ray.direction);
         if (is_mirror(surface.material) || is_glass(surface.material)) specular = 1.0;
-        albedo = diffuse_share(surface.material, max(0.0, -dot(surface.normal, ray.direction)), front);
+        if (smooth_coat(surface.material, front)) specular = 1.0;
+        if (GLOSSY) albedo = bsdf_diffuse(surface, front, -ray.direction);
+        else albedo = diffuse_share(surface.material, max(0.0, -dot(surface.normal, ray.direction)), front);
     } else {
         hit.instance = NO_HIT;
     }

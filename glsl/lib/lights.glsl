@@ -110,38 +110,90 @@ vec3 sample_environment(vec2 u, out uvec2 cell) {
     return vec3(radius * cos(azimuth), south ? k - 1.0 : 1.0 - k, radius * sin(azimuth));
 }
 
-// Density by area of points that sample_light takes on a triangle.
-float emitter_density(uint triangle) {
-    return FloatArray(scene.emission_weights)[triangle].at * scene.inverse_power;
+// Density by area of points taken on a triangle that is chosen in proportion to power; of what, `inverse_power` says.
+float emitter_density(uint triangle, float inverse_power) {
+    return FloatArray(scene.emission_weights)[triangle].at * inverse_power;
 }
 
-bool sample_emitter(vec3 from, vec2 u, LightChoice choice, out LightSample s) {
+// A point of an emissive triangle.
+struct EmitterPoint {
+    vec3 position;
+    vec3 normal; // unit length, of the front
+    uint index;  // of the triangle, in all arrays
+    Triangle triangle;
+    vec3 weights;
+};
+
+// Uniform by area.
+EmitterPoint point_of(LightChoice choice, vec2 u) {
+    EmitterPoint p;
     Instance instance = InstanceArray(scene.instances)[choice.instance].at;
-    uint index = instance.first_triangle + choice.primitive;
-    Triangle triangle = TriangleArray(scene.triangles)[index].at;
+    p.index = instance.first_triangle + choice.primitive;
+    p.triangle = TriangleArray(scene.triangles)[p.index].at;
     float root = sqrt(u.x);
-    vec3 w = vec3(1.0 - root, root * (1.0 - u.y), root * u.y);
-    vec3 position, normal;
-    point_on(instance, choice.instance == 0u, triangle, w, position, normal);
-    Material material = MaterialArray(scene.materials)[triangle.material & ~TRIANGLE_MIRRORED].at;
-    bool front = dot(normal, from - position) >= 0.0;
+    p.weights = vec3(1.0 - root, root * (1.0 - u.y), root * u.y);
+    point_on(instance, choice.instance == 0u, p.triangle, p.weights, p.position, p.normal);
+    return p;
+}
+
+Material material_of(EmitterPoint p) {
+    return MaterialArray(scene.materials)[p.triangle.material & ~TRIANGLE_MIRRORED].at;
+}
+
+// W/(sr·m²) that leave it on one side.
+vec3 emitted_at(EmitterPoint p, bool front) {
+    Material material = material_of(p);
+    TextureCoordinates at = texture_coordinates(p.triangle.vertices, p.weights);
+    material.emission = emission_at(material, at);
+    vec3 radiance = emitted_radiance(material, front);
+    float alpha = base_color(material, p.triangle.vertices, p.weights, at).a;
+    if (ALPHA_MASK && (material.flags & MATERIAL_ALPHA_MASK) != 0u && alpha < material.alpha_cutoff) return vec3(0.0);
+    material.alpha = alpha;
+    return radiance * coverage(material);
+}
+
+bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, out LightSample s) {
+    EmitterPoint p = point_of(choice, u);
+    vec3 normal = p.normal;
+    bool front = dot(normal, from - p.position) >= 0.0;
     if (!front) normal = -normal;
-    vec3 to = offset_origin(position, normal) - from;
+    vec3 to = offset_origin(p.position, normal) - from;
     float distance2 = dot(to, to);
     float cosine = -dot(normal, to) * inversesqrt(distance2);
     if (!(cosine > 0.0)) return false;
-    TextureCoordinates at = texture_coordinates(triangle.vertices, w);
-    material.emission = emission_at(material, at);
-    vec3 radiance = emitted_radiance(material, front);
-    float alpha = base_color(material, triangle.vertices, w, at).a;
-    if (ALPHA_MASK && (material.flags & MATERIAL_ALPHA_MASK) != 0u && alpha < material.alpha_cutoff) return false;
-    material.alpha = alpha;
-    radiance *= coverage(material);
+    vec3 radiance = emitted_at(p, front);
     if (radiance == vec3(0.0)) return false;
-    float pdf = emitter_density(index) * distance2 / cosine;
+    float pdf = emitter_density(p.index, inverse_power) * distance2 / cosine;
     float distance = sqrt(distance2);
     s = LightSample(to / distance, distance, radiance / pdf, pdf, false);
     return true;
+}
+
+bool sample_sky(vec2 u, LightChoice choice, out LightSample s) {
+    uvec2 cell;
+    s.direction = sample_environment(u, cell);
+    s.distance = 4.0 * scene.scene_radius;
+    s.pdf = choice.probability * environment_density(cell);
+    s.radiance_over_pdf = environment_radiance(s.direction) / s.pdf;
+    s.delta = false;
+    return s.radiance_over_pdf != vec3(0.0);
+}
+
+// One of `count` choices, by u in [0, 1); which one is returned.
+uint choose(LightChoiceArray choices, uint count, float u, out LightChoice choice) {
+    float place = u * float(count);
+    uint i = min(uint(place), count - 1u);
+    choice = choices[i].at;
+    if (place - float(i) >= choice.threshold) {
+        i = choice.alias;
+        choice = choices[i].at;
+    }
+    return i;
+}
+
+// Whether the last of `count` choices is the environment, and this is it.
+bool is_environment(uint i, uint count) {
+    return ENVIRONMENT && scene.environment_rows != 0UL && i == count - 1u;
 }
 
 // Light that arrives at `from`, an origin off its surface, unless something is between. `u`: three numbers in [0, 1), x
@@ -150,23 +202,10 @@ bool sample_light(vec3 from, vec3 u, out LightSample s) {
     s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
     uint count = scene.light_choice_count;
     if (count == 0u) return false;
-    LightChoiceArray choices = LightChoiceArray(scene.light_choices);
-    float place = u.x * float(count);
-    uint i = min(uint(place), count - 1u);
-    LightChoice choice = choices[i].at;
-    if (place - float(i) >= choice.threshold) {
-        i = choice.alias;
-        choice = choices[i].at;
-    }
-    if (ENVIRONMENT && scene.environment_rows != 0UL && i == count - 1u) {
-        uvec2 cell;
-        s.direction = sample_environment(u.yz, cell);
-        s.distance = 4.0 * scene.scene_radius;
-        s.pdf = choice.probability * environment_density(cell);
-        s.radiance_over_pdf = environment_radiance(s.direction) / s.pdf;
-        return s.radiance_over_pdf != vec3(0.0);
-    }
-    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, s);
+    LightChoice choice;
+    uint i = choose(LightChoiceArray(scene.light_choices), count, u.x, choice);
+    if (is_environment(i, count)) return sample_sky(u.yz, choice, s);
+    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, scene.inverse_power, s);
     Light light = LightArray(scene.lights)[i].at;
     s.delta = true;
     vec3 arriving = light.intensity / choice.probability;
@@ -186,13 +225,25 @@ bool sample_light(vec3 from, vec3 u, out LightSample s) {
     return arriving != vec3(0.0);
 }
 
+// As sample_light, from lights that have a size alone: emissive triangles and the environment. There must be one.
+bool sample_area_light(vec3 from, vec3 u, out LightSample s) {
+    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
+    uint count = scene.light_choice_count - scene.light_count;
+    LightChoice choice;
+    // They have a table of their own behind that of all.
+    uint i = choose(LightChoiceArray(scene.light_choices) + scene.light_choice_count, count, u.x, choice);
+    if (is_environment(i, count)) return sample_sky(u.yz, choice, s);
+    if (!EMISSIVE_TRIANGLES) return false;
+    return sample_emitter(from, u.yz, choice, scene.inverse_area_power, s);
+}
+
 // Density by solid angle with which sample_light gives the direction of a ray of unit length that found this surface
 // `distance` away; 0 where the side that it shows does not emit. `s` faces `wo`, against the ray.
 float light_pdf(Hit hit, Surface s, bool front, vec3 wo, float distance) {
     if (scene.emission_weights == 0UL || (!front && (s.material.flags & MATERIAL_DOUBLE_SIDED) == 0u)) return 0.0;
     uint index = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at.first_triangle + hit.primitive;
     float cosine = dot(s.geometric_normal, wo);
-    return cosine > 0.0 ? emitter_density(index) * distance * distance / cosine : 0.0;
+    return cosine > 0.0 ? emitter_density(index, scene.inverse_power) * distance * distance / cosine : 0.0;
 }
 
 #endif

@@ -89,7 +89,7 @@ struct Light {
 };
 
 // What sample_light chooses from, in proportion to power: the lights, then emissive triangles, last the environment. An
-// alias table (Vose 1991).
+// alias table (Vose 1991). Behind it another one of emissive triangles and the environment alone.
 struct LightChoice {
     float probability;
     float threshold; // share of this place that is its own; the rest is the alias's
@@ -154,6 +154,8 @@ struct SceneData {
     uint light_choice_count;
     float inverse_power; // 1/W, of all choices
     uvec2 environment_size;
+    float inverse_area_power; // 1/W, of emissive triangles and the environment
+    uint light_samples;       // shadow rays to those from a point; 0 where there are none
 };
 
 #endif

@@ -55,4 +55,5 @@ void main() {
     put(s.camera.up); put(s.camera.forward);
     put(s.full_size); put(s.window_origin); put(s.pixel_offset); put(s.seed); put(s.specular_depth); put(s.mirror_roughness);
     put(s.energy_conserving); put(s.light_choice_count); put(s.inverse_power); put(s.environment_size);
+    put(s.inverse_area_power); put(s.light_samples);
 }

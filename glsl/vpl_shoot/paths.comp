@@ -12,7 +12,13 @@ layout(local_size_x = 64) in;
 layout(set = 1, binding = 0, scalar) writeonly buffer Slots { Vpl data[]; } slots;
 layout(push_constant, scalar) uniform Params { uint paths; uint bounces; } params;
 
-// Halton dimensions: 0 the light, 1 and 2 its emission, then a pair a bounce.
+// Halton dimensions: 0 the light, 1 and 2 its emission, 3 and 4 where on it where lights have a size, then a pair a
+// bounce.
+uint first_bounce_dimension() {
+    if (EMISSIVE_TRIANGLES || ENVIRONMENT) return 5u;
+    return 3u;
+}
+
 vec2 halton_pair(uint dimension, uint path) {
     // The sequence starts at 1: its element 0 is a corner in every dimension.
     return vec2(halton(dimension, path + 1u, scene.seed), halton(dimension + 1u, path + 1u, scene.seed));
@@ -24,18 +30,8 @@ struct Emission {
     vec3 flux; // carried by the path, W
 };
 
-Emission emit(uint path) {
-    float u = halton(0u, path + 1u, scene.seed);
-    uint low = 0u, high = scene.light_count - 1u;
-    while (low < high) {
-        uint middle = (low + high) / 2u;
-        if (LightArray(scene.lights)[middle].at.power_cdf > u) high = middle;
-        else low = middle + 1u;
-    }
-    Light light = LightArray(scene.lights)[low].at;
-    float before = low == 0u ? 0.0 : LightArray(scene.lights)[low - 1u].at.power_cdf;
-    float paths_here = (light.power_cdf - before) * float(params.paths); // p_light · P
-    vec2 v = halton_pair(1u, path);
+// Of a light without size; `paths_here` is p_light · P, `v` two numbers in [0, 1).
+Emission emit(Light light, float paths_here, vec2 v) {
     if (is_directional(light)) {
         vec2 disc = scene.scene_radius * sample_disc(v);
         vec3 start = scene.scene_center - scene.scene_radius * light.direction;
@@ -50,12 +46,60 @@ Emission emit(uint path) {
     return Emission(light.position, sample_sphere(v), light.flux / paths_here);
 }
 
+// Of an emissive triangle: uniform by area, on either side alike where both emit, cosine-distributed.
+Emission emit(LightChoice choice, vec2 v, vec2 place) {
+    EmitterPoint p = point_of(choice, place);
+    float paths_here = emitter_density(p.index, scene.inverse_power) * float(params.paths); // a square metre
+    bool front = true;
+    if ((material_of(p).flags & MATERIAL_DOUBLE_SIDED) != 0u) {
+        front = v.x < 0.5;
+        v.x = front ? 2.0 * v.x : 2.0 * v.x - 1.0;
+        paths_here *= 0.5;
+    }
+    vec3 normal = front ? p.normal : -p.normal;
+    return Emission(offset_origin(p.position, normal), basis_around(normal) * sample_cosine_hemisphere(v),
+                    emitted_at(p, front) * (PI / paths_here));
+}
+
+// Of the environment, from the disc that faces the direction.
+Emission emit_sky(LightChoice choice, vec2 v, vec2 place) {
+    LightSample s;
+    if (!sample_sky(v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0));
+    vec2 disc = scene.scene_radius * sample_disc(place);
+    vec3 start = scene.scene_center + scene.scene_radius * s.direction;
+    float area = PI * scene.scene_radius * scene.scene_radius;
+    return Emission(start + basis_around(s.direction) * vec3(disc, 0.0), -s.direction,
+                    s.radiance_over_pdf * (area / float(params.paths)));
+}
+
+Emission emit(uint path) {
+    float u = halton(0u, path + 1u, scene.seed);
+    vec2 v = halton_pair(1u, path);
+    if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
+        uint count = scene.light_choice_count;
+        LightChoice choice;
+        uint i = choose(LightChoiceArray(scene.light_choices), count, u, choice);
+        if (is_environment(i, count)) return emit_sky(choice, v, halton_pair(3u, path));
+        if (EMISSIVE_TRIANGLES && i >= scene.light_count) return emit(choice, v, halton_pair(3u, path));
+        return emit(LightArray(scene.lights)[i].at, choice.probability * float(params.paths), v);
+    }
+    uint low = 0u, high = scene.light_count - 1u;
+    while (low < high) {
+        uint middle = (low + high) / 2u;
+        if (LightArray(scene.lights)[middle].at.power_cdf > u) high = middle;
+        else low = middle + 1u;
+    }
+    Light light = LightArray(scene.lights)[low].at;
+    float before = low == 0u ? 0.0 : LightArray(scene.lights)[low - 1u].at.power_cdf;
+    return emit(light, (light.power_cdf - before) * float(params.paths), v);
+}
+
 void main() {
     uint path = gl_GlobalInvocationID.x;
     if (path >= params.paths) return;
     Vpl gap = Vpl(vec3(0.0), path, vec3(0.0), 0u, vec3(0.0));
     uint bounce = 0u, rays = 0u;
-    if (scene.light_count > 0u) {
+    if (scene.light_choice_count > 0u) {
         Emission emission = emit(path);
         vec3 origin = emission.origin, direction = emission.direction, flux = emission.flux;
         vec3 absorption = vec3(0.0);
@@ -75,7 +119,7 @@ void main() {
                 flux *= albedo * (cos_g > 0.0 ? cos_s / cos_g : 0.0);
                 slots.data[path * params.bounces + bounce] =
                     Vpl(surface.position, path, surface.geometric_normal, bounce, flux);
-                vec2 u = halton_pair(3u + 2u * bounce, path);
+                vec2 u = halton_pair(first_bounce_dimension() + 2u * bounce, path);
                 direction = basis_around(surface.geometric_normal) * sample_cosine_hemisphere(u);
                 origin = offset_origin(surface.position, surface.geometric_normal);
                 ++bounce;

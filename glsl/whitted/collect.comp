@@ -14,18 +14,18 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint fi
 void main() {
     uint index = gl_GlobalInvocationID.x;
     uint listed = min(args.points, params.capacity);
-    uint last = min(params.last, scene.light_count + count.vpls);
+    uint last = min(params.last, scene.light_count + scene.light_samples + count.vpls);
     if (gl_WorkGroupID.y > 0u || index >= listed || params.first >= last) return;
-    uint sources = last - params.first;
-    if (listed > params.room / sources) return;
+    uint shares = (last - params.first + SOURCES - 1u) / SOURCES;
+    if (listed > params.room / shares) return;
     vec3 sum = vec3(0.0);
     uint s = 0u;
     // Loads that do not wait for each other.
-    for (; s + 4u <= sources; s += 4u) {
+    for (; s + 4u <= shares; s += 4u) {
         vec3 four[4];
         for (uint i = 0u; i < 4u; ++i) four[i] = parts.data[(s + i) * listed + index];
         for (uint i = 0u; i < 4u; ++i) sum += four[i];
     }
-    for (; s < sources; ++s) sum += parts.data[s * listed + index];
+    for (; s < shares; ++s) sum += parts.data[s * listed + index];
     points.data[order.at[index]].irradiance += sum;
 }

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Radiance leaving primary hits by emission and by direct light on their diffuse part.
+// Radiance leaving primary hits by emission and by direct light; the environment's where there are none. From the second
+// range of rays to lights that have a size on, added to `before`.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
@@ -9,9 +10,58 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "trace/trace.glsl"
 #include "whitted/direct.glsl"
 
+layout(constant_id = 0) const bool CONTINUES = false;
+
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
-layout(set = 1, binding = 2, rgba32f) uniform writeonly image2D out_radiance;
+layout(set = 1, binding = 2, rgba32f) uniform readonly image2D before;
+layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_radiance;
+layout(push_constant, scalar) uniform Params { uint first; uint last; } params;
+
+// What the surface reflects of lights without size and a range of rays to others.
+vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, uint seed, inout uint rays) {
+    Receiver x = receiver_at(surface);
+    GlossySurface glossy;
+    if (GLOSSY) glossy = glossy_surface(surface, front, to_viewer);
+    vec3 origin = offset_origin(x.position, x.geometric_normal);
+    vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
+    if (!CONTINUES) {
+        for (uint i = 0u; i < scene.light_count; ++i) {
+            vec3 source, arriving, direction;
+            Light light = LightArray(scene.lights)[i].at;
+            if (GLOSSY) {
+                arriving = perpendicular(light, x.position, source, direction);
+                if (arriving != vec3(0.0)) arriving *= scattered(glossy, direction, LOBES_LIT);
+            } else {
+                arriving = unshadowed(light, x, source);
+            }
+            if (arriving == vec3(0.0)) continue;
+            ++rays;
+            if (trace_any(origin, source - origin, 0.0, 1.0)) continue;
+            if (GLOSSY) radiance += arriving;
+            else irradiance += arriving;
+        }
+    }
+    if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
+        vec3 sampled = vec3(0.0);
+        uint last = min(params.last, scene.light_samples);
+        for (uint i = params.first; i < last; ++i) {
+            LightSample light;
+            if (!area_light(origin, i, seed, light)) continue;
+            vec3 share;
+            if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT);
+            else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
+            if (share == vec3(0.0)) continue;
+            ++rays;
+            if (!trace_any(origin, light.direction, 0.0, light.distance)) sampled += share * light.radiance_over_pdf;
+        }
+        sampled /= float(max(scene.light_samples, 1u));
+        if (GLOSSY) radiance += sampled;
+        else irradiance += sampled;
+    }
+    if (GLOSSY) return radiance;
+    return reflectance * irradiance / PI;
+}
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -21,23 +71,17 @@ void main() {
     uint rays = 0u;
     if (hit.instance != NO_HIT) {
         Surface surface = surface_at(hit);
-        bool front = face(surface, direction_to_camera(surface.position));
-        radiance = emitted_radiance(surface.material, front);
+        vec3 to_viewer = direction_to_camera(surface.position);
+        bool front = face(surface, to_viewer);
+        if (!CONTINUES) radiance = emitted_radiance(surface.material, front);
         vec3 reflectance = imageLoad(albedo, pixel).rgb;
-        if (reflectance != vec3(0.0)) {
-            Receiver x = receiver_at(surface);
-            vec3 origin = offset_origin(x.position, x.geometric_normal);
-            vec3 irradiance = vec3(0.0);
-            for (uint i = 0u; i < scene.light_count; ++i) {
-                vec3 source;
-                vec3 arriving = unshadowed(LightArray(scene.lights)[i].at, x, source);
-                if (arriving == vec3(0.0)) continue;
-                ++rays;
-                if (!trace_any(origin, source - origin, 0.0, 1.0)) irradiance += arriving;
-            }
-            radiance += reflectance * irradiance / PI;
+        if (GLOSSY || reflectance != vec3(0.0)) {
+            radiance += reflected(surface, front, to_viewer, reflectance, area_seed(uvec2(pixel)), rays);
         }
+    } else if (ENVIRONMENT && !CONTINUES) {
+        radiance = environment_radiance(camera_ray(uvec2(pixel)).direction);
     }
+    if (CONTINUES) radiance = imageLoad(before, pixel).rgb + radiance;
     imageStore(out_radiance, pixel, vec4(radiance, 1.0));
     count_rays(COUNT_DIRECT, rays);
 }

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper. Where the list is
-// short a thread takes one point and one source, and collect.comp adds them up; else it takes them all.
+// short a thread takes one point and few sources, and collect.comp adds them up; else it takes them all.
 // Neighbours in the order are neighbours in space, so their rays to the same source stay together.
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
@@ -12,7 +12,8 @@ layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
 layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 4, scalar) writeonly buffer Parts { vec3 data[]; } parts;
-layout(set = 1, binding = 5, scalar) readonly buffer Order { uint at[]; } order;
+layout(set = 1, binding = 5, scalar) readonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
+layout(set = 1, binding = 6, scalar) readonly buffer Order { uint at[]; } order;
 layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint first; uint last; float min_distance; } params;
 
 #include "whitted/sources.glsl"
@@ -22,17 +23,21 @@ void main() {
     uint listed = min(args.points, params.capacity);
     uint last = min(params.last, source_count());
     if (index >= listed || params.first >= last) return;
-    uint sources = last - params.first;
-    bool shared_out = listed <= params.room / sources;
-    if (part >= (shared_out ? sources : 1u)) return;
+    uint shares = (last - params.first + SOURCES - 1u) / SOURCES;
+    bool shared_out = listed <= params.room / shares;
+    if (part >= (shared_out ? shares : 1u)) return;
     uint rays = 0u;
     uint point = order.at[index];
     Receiver x = points.data[point].receiver;
+    Lit lit;
+    if (GLOSSY) lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
+    if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
     if (shared_out) {
-        uint source = params.first + part;
-        parts.data[part * listed + index] = irradiance_from(x, source, source + 1u, params.min_distance, rays);
+        uint source = params.first + part * SOURCES;
+        uint end = min(source + SOURCES, last);
+        parts.data[part * listed + index] = light_from(x, lit, source, end, params.min_distance, rays);
     } else {
-        points.data[point].irradiance += irradiance_from(x, params.first, last, params.min_distance, rays);
+        points.data[point].irradiance += light_in_shares(x, lit, params.first, last, params.min_distance, rays);
     }
     count_rays(COUNT_SPECULAR_LIGHT, rays);
 }

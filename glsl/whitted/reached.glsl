@@ -1,17 +1,27 @@
-// Diffuse surfaces that specular paths from the camera end at.
+// Surfaces that specular paths from the camera end at.
 #ifndef WHITTED_REACHED_GLSL
 #define WHITTED_REACHED_GLSL
 
 #include "lib/receiver.glsl"
+#include "shared/profile.glsl"
 
 const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of one workgroup of light.comp
+// Sources of a thread of light.comp where many share a point: to read a glossy surface takes longer than a ray.
+const uint SOURCES = GLOSSY ? 16u : 1u;
 
 struct Reached {
     Receiver receiver;
-    vec3 reflected;  // radiance at the pixel for each W/m² there
-    vec3 irradiance; // W/m²
+    vec3 reflected;  // radiance at the pixel for each W/m² there; of glossy scenes for each W/(sr·m²) it reflects
+    vec3 irradiance; // W/m²; of glossy scenes what it reflects
     uint previous;   // the same pixel's point before this one
+};
+
+// What more glossy surfaces and lights that have a size need to know of it.
+struct Seen {
+    uvec4 hit; // packed
+    vec3 to_viewer;
+    uint seed;
 };
 
 #endif

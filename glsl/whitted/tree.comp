@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // The Whitted tree behind primary hits: follows mirrors and glass, sums the emission found on the way, and lists
-// the diffuse surfaces where branches end.
+// the surfaces that scatter light where branches end.
 //
 // They are lit by a kernel of their own (light.comp): few pixels are specular, and a loop over all VPLs in each of
 // them would leave most of a GPU waiting.
@@ -20,6 +20,7 @@ layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_emitted;
 layout(set = 1, binding = 5, r32ui) uniform writeonly uimage2D out_last;
 layout(set = 1, binding = 6, scalar) writeonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint y; uint z; uint points; } args;
+layout(set = 1, binding = 8, scalar) writeonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
 layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
 
 #include "whitted/sources.glsl"
@@ -32,8 +33,8 @@ struct Branch {
     uint depth;
 };
 
-// Depth first: every level leaves at most one branch behind.
-const uint MAX_PENDING = 17u; // specular_depth is at most 16
+// Depth first: every level leaves at most one branch behind, two where glass has a clear coat.
+const uint MAX_PENDING = GLOSSY ? 33u : 17u; // specular_depth is at most 16
 Branch pending[MAX_PENDING];
 uint pending_count = 0u;
 
@@ -46,7 +47,17 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
     if (depth >= scene.specular_depth) return;
     Material material = surface.material;
     float cos_i = clamp(-dot(surface.normal, incoming), 0.0, 1.0);
+    float beneath = beneath_coat(surface, front, -incoming);
+    vec3 coated = throughput;
     Split split = split_light(material, cos_i, front);
+    if (GLOSSY) {
+        throughput *= beneath;
+        if (smooth_coat(material, front)) {
+            vec3 direction = reflect_above(incoming, surface.clearcoat_normal, surface.geometric_normal);
+            push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
+                        coated * (1.0 - beneath), absorption, depth + 1u));
+        }
+    }
     if (split.reflected != vec3(0.0)) {
         vec3 direction = reflect_above(incoming, surface.normal, surface.geometric_normal);
         push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
@@ -65,7 +76,7 @@ void main() {
     if (any(greaterThanEqual(pixel, imageSize(hits)))) return;
     Hit hit;
     vec3 radiance = vec3(0.0);
-    uint rays = 0u, last = NO_POINT;
+    uint rays = 0u, followed = 0u, last = NO_POINT;
     if (imageLoad(albedo, pixel).a != 0.0) {
         hit = unpack_hit(imageLoad(hits, pixel));
         Surface surface = surface_at(hit);
@@ -76,7 +87,11 @@ void main() {
     while (pending_count > 0u) {
         Branch branch = pending[--pending_count];
         ++rays;
-        if (!trace_closest(branch.origin, branch.direction, 0.0, 1.0 / 0.0, hit)) continue;
+        ++followed;
+        if (!trace_closest(branch.origin, branch.direction, 0.0, 1.0 / 0.0, hit)) {
+            if (ENVIRONMENT) radiance += branch.throughput * environment_radiance(branch.direction);
+            continue;
+        }
         Surface surface = surface_at(hit);
         bool front = face(surface, -branch.direction);
         vec3 throughput = branch.throughput;
@@ -84,10 +99,20 @@ void main() {
         radiance += throughput * emitted_radiance(surface.material, front);
         float cos_i = clamp(-dot(surface.normal, branch.direction), 0.0, 1.0);
         vec3 reflected = throughput * diffuse_share(surface.material, cos_i, front) / PI;
+        Lit lit;
+        if (GLOSSY) {
+            lit.glossy = glossy_surface(surface, front, -branch.direction);
+            bool scatters = has_glossy_lobe(lit.glossy) || lit.glossy.layers.diffuse != vec3(0.0);
+            reflected = scatters ? throughput : vec3(0.0);
+        }
         if (reflected != vec3(0.0)) {
             // Where in the list a point lies never shows: each pixel sums its own in its own order.
             uint index = atomicAdd(args.points, 1u);
+            lit.seed = hash(area_seed(uvec2(pixel)), followed);
             if (index < params.capacity) {
+                if (GLOSSY || EMISSIVE_TRIANGLES || ENVIRONMENT) {
+                    seen.data[index] = Seen(pack_hit(hit), -branch.direction, lit.seed);
+                }
                 points.data[index] = Reached(receiver_at(surface), reflected, vec3(0.0), last);
                 last = index;
                 atomicMax(args.groups, index / POINTS + 1u);
@@ -96,7 +121,7 @@ void main() {
                 vec3 irradiance = vec3(0.0);
                 for (uint first = 0u; first < source_count(); first += params.range) {
                     uint end = min(first + params.range, source_count());
-                    irradiance += irradiance_from(receiver_at(surface), first, end, params.min_distance, rays);
+                    irradiance += light_in_shares(receiver_at(surface), lit, first, end, params.min_distance, rays);
                 }
                 radiance += reflected * irradiance;
             }

@@ -172,7 +172,7 @@ pub(super) struct Render {
     /// was in the layer noisy. Not for references.
     #[arg(long)]
     pub(super) denoise: bool,
-    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, irradiance, depth; of
+    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, glossy, irradiance, depth; of
     /// --method path albedo, N, P, depth, variance, half_a, half_b, with --adaptive rate.
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
     pub(super) aov: Vec<Aov>,

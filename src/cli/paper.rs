@@ -22,7 +22,7 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     interrupt::listen()?;
     let reporter = Reporter::new(&args.common);
     let name = scene::name(&args.common);
-    let (scene, camera) = scene::load(&args.common, None, false, &reporter)?;
+    let (scene, camera) = scene::load(&args.common, None, &reporter)?;
 
     let select = args.common.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;

@@ -7,7 +7,7 @@ use super::stats::stats;
 use super::table::table;
 use super::{Failure, extension, input, interrupt, print, scene};
 use glam::Vec3;
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
 use parhelion::denoise::Denoiser;
 use parhelion::methods;
 use parhelion::output::{self, Attribute, Channels, Picture};
@@ -35,12 +35,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let name = scene::name(&args.common);
     let environment = args.environment.as_deref().map(environment).transpose()?;
     let roughness = config.whitted.mirror_roughness;
-    let path = config.method == Method::Path;
-    let (scene, camera) = scene::load(&args.common, environment, path, &reporter)?;
+    let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
-    if profile.rough_lobes && !path {
-        reporter.note(&format!("specular lobes rougher than {roughness} are left out"));
-    }
+    let left_out = (method.left_out)(&profile, &config);
+    left_out.iter().for_each(|line| reporter.note(line));
 
     let select = args.common.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
@@ -87,6 +85,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     if args.explain {
         for line in profile.explain() {
             let _ = writeln!(report, "left out: {line}");
+        }
+        for line in &left_out {
+            let _ = writeln!(report, "not modelled: {line}");
         }
         if config.indirect.boxes().is_none() {
             let visibility = config.indirect.visibility.name();
@@ -197,7 +198,9 @@ impl Origin {
 fn sampling(config: &RenderConfig) -> String {
     let path_trace =
         PathTraceConfig { spp: 0, max_depth: Some(config.max_depth()), ..config.path_trace.clone() };
-    serde_json::json!({ "method": config.method, "path_trace": path_trace }).to_string()
+    let (method, energy_conserving) = (config.method, config.energy_conserving);
+    serde_json::json!({ "method": method, "path_trace": path_trace, "energy_conserving": energy_conserving })
+        .to_string()
 }
 
 /// Reads what a render of the same picture left behind.

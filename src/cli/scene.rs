@@ -22,11 +22,10 @@ pub(super) fn stem(args: &Common) -> OsString {
 }
 
 /// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
-/// place of the scene's; with `emitters`, surfaces that shine and the environment are lights too.
+/// place of the scene's.
 pub(super) fn load(
     args: &Common,
     environment: Option<Environment>,
-    emitters: bool,
     reporter: &Reporter,
 ) -> Result<(Scene, Camera), Failure> {
     reporter.stage("load", &name(args));
@@ -34,7 +33,7 @@ pub(super) fn load(
     let camera = camera(args, &scene)?;
     scene.environment = environment.or(scene.environment);
     let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
-    if scene.lights.is_empty() && !args.no_headlight && !(emitters && shines(&scene)) {
+    if scene.lights.is_empty() && !args.no_headlight && !shines(&scene) {
         scene.add_headlight(&camera);
     }
     scene.notes.iter().for_each(|note| reporter.note(note));

@@ -70,7 +70,6 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--noise", args.noise.is_some()),
         ("--preview", args.preview.is_some()),
         ("--resume", args.resume.is_some()),
-        ("--environment", args.environment.is_some()),
     ];
     let path_only = path_only.into_iter().filter_map(|(option, given)| given.then_some(option));
     for (option, method) in

@@ -1,12 +1,14 @@
 //! Instant global illumination (Marques & Santos 2010; Wald et al. 2002; Keller 1997), with the paper's accelerations as
 //! switches: imperfect visibility, downsampling, interleaved sampling.
 //!
-//! Known bias: light of more than `bounces` diffuse bounces, light nearer than `min_distance`, and rough specular
-//! lobes are missing. Known noise: VPLs are shared by all pixels, so error shows as splotches, not grain.
+//! Known bias: light of more than `bounces` diffuse bounces and light nearer than `min_distance` is missing, light paths
+//! end at rough metals, and VPLs shine as Lambertians. Known noise: VPLs are shared by all pixels, so error shows as
+//! splotches, not grain; but grain by the rays to lights that have a size, most in smooth lobes.
 
 use super::{Aov, FrameInfo, Layers, Method};
 use crate::config::RenderConfig;
 use crate::graph::Graph;
+use crate::scene::SceneProfile;
 use crate::techniques::{Kernels, compose, gbuffer, indirect, vpl_shoot, whitted};
 
 /// The registry's entry.
@@ -20,12 +22,30 @@ pub const METHOD: Method = Method {
         Aov::Direct,
         Aov::Specular,
         Aov::Indirect,
+        Aov::Glossy,
         Aov::Irradiance,
         Aov::Depth,
     ],
     progressive: false,
     record,
+    left_out,
 };
+
+fn left_out(profile: &SceneProfile, config: &RenderConfig) -> Vec<String> {
+    let rough = config.whitted.mirror_roughness;
+    let without = !config.indirect.glossy;
+    let mut lines = Vec::new();
+    if without && profile.rough_lobes {
+        lines.push(format!("specular lobes rougher than {rough} are left out (indirect.glossy is false)"));
+    }
+    if without && profile.clearcoat {
+        lines.push("clear coats are left out (indirect.glossy is false)".into());
+    }
+    if profile.rough_glass {
+        lines.push(format!("glass rougher than {rough} transmits as if it were smooth"));
+    }
+    lines
+}
 
 fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let min_distance = config.indirect.min_distance(frame.area, &config.vpl_shoot);
@@ -36,14 +56,16 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
     let geometry = config.indirect.filtered().then(|| gbuffer::unpack(g, k, &gbuffer));
     let reflections = whitted::tree(g, k, &config.whitted, &gbuffer, &vpls, min_distance);
     let samples = indirect::gather(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
-    let direct = whitted::direct(g, k, &gbuffer);
+    let direct = whitted::direct(g, k, &config.whitted, &gbuffer);
     if let Some(reflections) = &reflections {
         whitted::sort(g, k, reflections);
     }
+    let glossy = indirect::glossy(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let indirect =
         indirect::reconstruct(g, k, &config.indirect, &gbuffer, geometry.as_ref(), &vpls, &samples);
-    let specular = reflections.map(|reflections| whitted::specular(g, k, &reflections, &vpls));
-    let beauty = compose::beauty(g, &gbuffer, direct, specular, indirect.irradiance);
+    let specular =
+        reflections.map(|reflections| whitted::specular(g, k, &config.whitted, &reflections, &vpls));
+    let beauty = compose::beauty(g, &gbuffer, direct, specular, indirect.irradiance, glossy);
     Layers {
         beauty,
         gbuffer,
@@ -51,6 +73,7 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
         direct: Some(direct),
         specular,
         irradiance: Some(indirect.irradiance),
+        glossy,
         halves: None,
         rates: None,
         vpl_count: Some(vpls.count),

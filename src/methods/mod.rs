@@ -5,6 +5,7 @@ pub mod path;
 
 use crate::config::RenderConfig;
 use crate::graph::{Buffer, Graph, Image, Res};
+use crate::scene::SceneProfile;
 use crate::techniques::Kernels;
 use crate::techniques::gbuffer::{GBuffer, Geometry};
 use crate::techniques::path_trace::Means;
@@ -22,8 +23,10 @@ pub enum Aov {
     Direct,
     /// Radiance through mirrors and glass, 3 channels.
     Specular,
-    /// Radiance by indirect light, 3 channels.
+    /// Radiance by indirect light in the diffuse part, 3 channels.
     Indirect,
+    /// Radiance by indirect light in glossy lobes, 3 channels.
+    Glossy,
     /// Indirect irradiance (W/m²), 3 channels.
     Irradiance,
     /// Distance along the viewing direction (m), 1 channel.
@@ -41,13 +44,14 @@ pub enum Aov {
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Albedo,
         Self::N,
         Self::P,
         Self::Direct,
         Self::Specular,
         Self::Indirect,
+        Self::Glossy,
         Self::Irradiance,
         Self::Depth,
         Self::Variance,
@@ -66,6 +70,7 @@ impl Aov {
             Self::Direct => "direct",
             Self::Specular => "specular",
             Self::Indirect => "indirect",
+            Self::Glossy => "glossy",
             Self::Irradiance => "irradiance",
             Self::Depth => "depth",
             Self::Variance => "variance",
@@ -103,6 +108,8 @@ pub struct Layers {
     pub specular: Option<Res<Image>>,
     /// Indirect irradiance (W/m²), where there is one.
     pub irradiance: Option<Res<Image>>,
+    /// Radiance by indirect light in glossy lobes, where there are any and it is apart.
+    pub glossy: Option<Res<Image>>,
     /// Beauty by every second sample, of progressive methods asked for it.
     pub halves: Option<[Res<Image>; 2]>,
     /// Rates of adaptive sampling, where it is.
@@ -143,6 +150,8 @@ pub struct Method {
     pub progressive: bool,
     /// Records one graph.
     pub record: fn(&mut Graph<'_>, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
+    /// What of a scene it does not model as configured, a sentence each.
+    pub left_out: fn(&SceneProfile, &RenderConfig) -> Vec<String>,
 }
 
 /// All methods there are.

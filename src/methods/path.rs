@@ -15,6 +15,7 @@ pub const METHOD: Method = Method {
     aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB, Aov::Rate],
     progressive: true,
     record,
+    left_out: |_, _| Vec::new(),
 };
 
 /// # Panics
@@ -29,6 +30,7 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
         direct: None,
         specular: None,
         irradiance: None,
+        glossy: None,
         halves: means.halves,
         rates: means.rates,
         vpl_count: None,

@@ -5,16 +5,16 @@
 use glam::{Mat3, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// Dimensions of the Halton sequence on the device: 3 for a light path's start and a pair for each of 32 bounces.
+/// Dimensions of the Halton sequence on the device: 5 for a light path's start and a pair for each of 32 bounces.
 pub const HALTON_DIMENSIONS: u32 = PRIMES.len() as u32;
 
 /// Most bounces a light path can have.
-pub const MAX_BOUNCES: u32 = (HALTON_DIMENSIONS - 3) / 2;
+pub const MAX_BOUNCES: u32 = (HALTON_DIMENSIONS - 5) / 2;
 
-const PRIMES: [u32; 67] = [
+const PRIMES: [u32; 69] = [
     2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89, 97, 101, 103,
     107, 109, 113, 127, 131, 137, 139, 149, 151, 157, 163, 167, 173, 179, 181, 191, 193, 197, 199, 211, 223,
-    227, 229, 233, 239, 241, 251, 257, 263, 269, 271, 277, 281, 283, 293, 307, 311, 313, 317, 331,
+    227, 229, 233, 239, 241, 251, 257, 263, 269, 271, 277, 281, 283, 293, 307, 311, 313, 317, 331, 337, 347,
 ];
 
 /// PCG as a hash (Jarzynski & Olano, "Hash Functions for GPU Rendering", 2020).

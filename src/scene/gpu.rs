@@ -100,16 +100,27 @@ impl GpuScene {
             // Positive also in a scene without extent.
             powers.push((0, 0, self.environment_power.max(f64::MIN_POSITIVE)));
         }
-        let (choices, inverse_power) = emitter::choices(&powers);
+        let (mut choices, inverse_power) = emitter::choices(&powers);
+        let (area_choices, inverse_area_power) = match &powers[records.len()..] {
+            [] => (Vec::new(), 0.0),
+            powers => emitter::choices(powers),
+        };
+        self.data.light_choice_count = choices.len() as u32;
+        self.data.inverse_area_power = inverse_area_power;
+        choices.extend(area_choices);
         let buffer = match &choices[..] {
             [] => None,
             choices => Some(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?),
         };
-        self.data.light_choice_count = choices.len() as u32;
         self.data.light_choices = buffer.as_ref().map_or(0, vk::Buffer::address);
         self.data.inverse_power = inverse_power;
         self.light_choices = buffer;
         Ok(())
+    }
+
+    /// Whether anything that has a size shines: emissive triangles or the environment.
+    pub(crate) fn area_lights(&self) -> bool {
+        self.data.light_choice_count > self.data.light_count
     }
 
     /// Bytes on the device.

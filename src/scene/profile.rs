@@ -42,6 +42,8 @@ pub struct SceneProfile {
     pub mirrors: bool,
     /// Materials that transmit light.
     pub glass: bool,
+    /// Those with a rough surface.
+    pub rough_glass: bool,
     /// Transmitting materials that are solid bodies.
     pub volumes: bool,
     /// Materials with holes.
@@ -52,8 +54,10 @@ pub struct SceneProfile {
     pub emission: bool,
     /// Materials that show their base colour as it is.
     pub unlit: bool,
-    /// Specular lobes too rough for a mirror.
+    /// Specular lobes too rough for a mirror, those of clear coats among them.
     pub rough_lobes: bool,
+    /// Clear coats as smooth as a mirror.
+    pub smooth_coats: bool,
     /// Point lights.
     pub point_lights: usize,
     /// Spot lights.
@@ -128,7 +132,12 @@ impl SceneProfile {
             self.unlit = true;
             return;
         }
-        self.clearcoat |= material.clearcoat.is_some_and(|coat| coat.factor > 0.0);
+        if let Some(coat) = material.clearcoat.filter(|coat| coat.factor > 0.0) {
+            let rough = coat.roughness > mirror_roughness;
+            self.clearcoat = true;
+            self.rough_lobes |= rough;
+            self.smooth_coats |= !rough || coat.roughness_texture.is_some();
+        }
         self.emission |= material.emission != Vec3::ZERO;
         let dielectric =
             material.specular * material.specular_color.max_element() > 0.0 && material.ior > 1.0;
@@ -139,6 +148,7 @@ impl SceneProfile {
         self.mirrors |= specular && (smooth || textured) && !glass;
         self.rough_lobes |= specular && !smooth;
         self.glass |= glass;
+        self.rough_glass |= glass && !smooth;
         self.volumes |= glass && material.volume.is_some();
     }
 
@@ -188,12 +198,12 @@ impl SceneProfile {
             (!self.instanced, "every mesh is there once: no two-level traversal"),
             (!self.emission, "no emission: none is added to what the camera sees"),
             (!self.unlit, "no unlit materials: every surface is shaded"),
-            (self.clearcoat, "clear coats: not modelled, their light is missing"),
             (self.point_lights == 0, "no point lights"),
             (self.spot_lights == 0, "no spot lights"),
             (self.directional_lights == 0, "no directional lights"),
             (!self.environment, "no environment: rays that leave the scene find nothing"),
-            (self.rough_lobes, "specular lobes rougher than a mirror: not modelled, their light is missing"),
+            (!self.emission && !self.environment, "no lights of any size: one shadow ray to each"),
+            (!self.rough_lobes, "no specular lobes but mirrors: VPLs light diffuse parts alone"),
         ];
         reasons.iter().filter(|(holds, _)| *holds).map(|(_, why)| (*why).to_owned()).collect()
     }

@@ -1,4 +1,4 @@
-//! Parts into a picture: beauty = direct + specular + albedo/π · irradiance, all radiance (W/(sr·m²)).
+//! Parts into a picture: beauty = direct + specular + albedo/π · irradiance + glossy, all radiance (W/(sr·m²)).
 
 use super::gbuffer::GBuffer;
 use crate::graph::{Graph, Grid, Image, ImageDesc, Res};
@@ -11,6 +11,7 @@ pub fn beauty(
     direct: Res<Image>,
     specular: Option<Res<Image>>,
     irradiance: Res<Image>,
+    glossy: Option<Res<Image>>,
 ) -> Res<Image> {
     g.group("compose", |g| {
         let out = g.image("beauty", g.desc(direct));
@@ -20,9 +21,11 @@ pub fn beauty(
             specular: specular.unwrap_or(direct),
             irradiance,
             albedo: gb.albedo,
+            glossy: glossy.unwrap_or(direct),
             out_radiance: out,
         };
-        let kernel = kernels::beauty::kernel(kernels::beauty::Spec { specular: specular.is_some() });
+        let spec = kernels::beauty::Spec { specular: specular.is_some(), lobes: glossy.is_some() };
+        let kernel = kernels::beauty::kernel(spec);
         g.pass("beauty", &kernel, bind, kernels::beauty::Params {}, Grid::Over(out));
         out
     })

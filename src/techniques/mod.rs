@@ -12,7 +12,7 @@ pub mod whitted;
 
 use crate::scene::SceneProfile;
 use crate::shaders::SceneSpec;
-use indirect::Visibility;
+use indirect::{IndirectConfig, Visibility};
 
 /// The kernels of all techniques, specialised to what a scene needs.
 #[derive(Clone, Debug)]
@@ -47,16 +47,18 @@ impl Kernels {
             alpha_blend: profile.alpha_blend,
             emissive_triangles: profile.emission,
             environment: profile.environment,
+            glossy: false,
             stack_depth,
             visibility: Visibility::Exact as u32,
         };
         Self { profile: profile.clone(), scene }
     }
 
-    /// The kernels for another kind of visibility between surfaces and VPLs.
+    /// The kernels for the visibility of VPLs and the lobes that are asked for.
     #[must_use]
-    pub fn with_visibility(mut self, visibility: Visibility) -> Self {
-        self.scene.visibility = visibility as u32;
+    pub fn with_indirect(mut self, config: &IndirectConfig) -> Self {
+        self.scene.visibility = config.visibility as u32;
+        self.scene.glossy = config.glossy && (self.profile.rough_lobes || self.profile.clearcoat);
         self
     }
 
@@ -72,14 +74,29 @@ impl Kernels {
         (profile.point_lights + profile.spot_lights + profile.directional_lights) as u32
     }
 
+    /// Whether anything that has a size shines: emissive triangles or the environment.
+    pub(crate) fn area_lights(&self) -> bool {
+        self.profile.emission || self.profile.environment
+    }
+
     /// Whether any surface reflects or transmits like a mirror or glass.
     pub(crate) fn specular(&self) -> bool {
-        self.profile.mirrors || self.profile.glass
+        self.profile.mirrors || self.profile.glass || (self.scene.glossy && self.profile.smooth_coats)
+    }
+
+    /// Whether clear coats and lobes rougher than a mirror count.
+    pub(crate) fn glossy(&self) -> bool {
+        self.scene.glossy
+    }
+
+    /// Whether any of those is not a mirror.
+    pub(crate) fn glossy_lobes(&self) -> bool {
+        self.scene.glossy && self.profile.rough_lobes
     }
 }
 
 /// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
-pub(crate) const RAY_COUNTERS: [&str; 8] = [
+pub(crate) const RAY_COUNTERS: [&str; 9] = [
     "vpl_shoot/paths",
     "gbuffer/primary",
     "whitted/direct",
@@ -88,6 +105,7 @@ pub(crate) const RAY_COUNTERS: [&str; 8] = [
     "indirect/gather",
     "indirect/regather",
     "path_trace/trace",
+    "indirect/glossy",
 ];
 
 /// Cells a counter is spread over.

@@ -78,9 +78,6 @@ pub struct PathTraceConfig {
     /// Edges after which a path goes on with a probability that follows its throughput (Russian roulette), 1 … 65536.
     /// Fewer are faster and noisier; no bias.
     pub roulette_depth: u32,
-    /// Whether dielectric and diffuse part mix so that they never reflect more than they receive. Otherwise as glTF 2.0
-    /// publishes it, above 1 at grazing angles (1.59 at 85° and roughness 0.05).
-    pub energy_conserving: bool,
     /// Whether noisy parts of the picture take more samples, up to 8 times the mean, at the cost of others, down to a
     /// quarter. Off for references: it makes noise whose size depends on the samples themselves. A crop
     /// is then not the whole's bits.
@@ -96,7 +93,6 @@ impl Default for PathTraceConfig {
             transport: Transport::default(),
             pixel_filter: PixelFilter::default(),
             roulette_depth: 5,
-            energy_conserving: false,
             adaptive: false,
         }
     }

@@ -2,8 +2,11 @@
 //! 2010, §4).
 //!
 //! P = ⌊vpls / bounces⌋ paths leave the lights, each chosen in proportion to its power, with Halton points:
-//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce. A path starts with
-//! Φ = Φ_light / (p_light · P) and leaves, at each diffuse hit, a VPL of flux Φ_k = ρ_d Φ |ω·N_s| / |ω·N_g| that
+//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce. Emissive triangles and the
+//! environment are lights like others, but take four numbers: in scenes with any, bases 3 and 5 choose the direction
+//! (emitters: by cosine, from a side that emits; environment: by its radiance), 7 and 11 the place (emitters: uniform by
+//! area; environment: on the disc through the scene's bounding sphere), and bounces begin at 13. A path starts with
+//! Φ = Φ_light / (p_light · P), π L A of an emitter's side and π R² ∫L dω of the environment, and leaves, at each diffuse hit, a VPL of flux Φ_k = ρ_d Φ |ω·N_s| / |ω·N_g| that
 //! shines as a Lambertian around the geometric normal; the last factor is the adjoint of shading normals (Veach
 //! 1997, §5.3). Paths carry weights, none is absorbed. Mirrors and glass leave no VPL.
 //!

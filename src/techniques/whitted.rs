@@ -1,21 +1,26 @@
 //! Direct light and specular paths (Whitted 1980; Marques & Santos 2010, §4).
 //!
-//! `direct`: emission and, with a shadow ray to every light, direct light on the diffuse part of primary hits.
+//! `direct`: emission and, with a shadow ray to every light, direct light on primary hits; the environment where there
+//! are none. Emissive triangles and the environment get `light_samples` stratified rays together, chosen in proportion to
+//! power. With `indirect.glossy` all lobes reflect that are no mirrors, else the Lambertian part alone.
 //! `specular`: the tree of mirrored and transmitted rays behind primary hits, with emission, direct light and
 //! (at full resolution, from every VPL, as in the paper) indirect light where they end. Four passes: `tree`
 //! follows the rays and lists the points they end at, `sort` brings them into spatial order, `light` lights the
 //! list, `sum` gathers each pixel's share. Opaque mirrors follow
 //! Schlick's approximation as glTF does, glass the exact Fresnel equations; a transmissive surface without volume
-//! is a thin wall with R' = 2R / (1 + R), straight through, and one with volume refracts and absorbs.
+//! is a thin wall with R' = 2R / (1 + R), straight through, and one with volume refracts and absorbs. Smooth clear coats
+//! are mirrors too.
 //!
-//! Bias: lobes rougher than `mirror_roughness` and specular paths deeper than `specular_depth` are left out;
-//! transmissive surfaces block shadow rays, so there are no caustics from point lights but through VPLs.
-//! Cost: one shadow ray a light; behind mirrors and glass also one a VPL.
+//! Bias: specular paths deeper than `specular_depth` are left out; transmissive surfaces block shadow rays, so there are
+//! no caustics from point lights but through VPLs.
+//! Noise: lights that have a size are sampled by themselves, not by lobes: the smoother a lobe and the larger the light,
+//! the more `light_samples` it takes.
+//! Cost: one shadow ray a light and `light_samples`; behind mirrors and glass also one a VPL.
 
 use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::{
-    Reached,
+    Reached, Seen,
     whitted::{self as kernels, collect, light, sort, sum, tree},
 };
 use crate::vk::Format;
@@ -26,37 +31,59 @@ const RANGE: u32 = 256;
 /// Irradiances of one point by one source that are kept apart, 12 bytes each, at most.
 const ROOM: u32 = 1 << 21;
 
-/// How the tree of specular rays grows.
+/// Lights and VPLs that a thread takes where many share a glossy point; as in `glsl/whitted/reached.glsl`.
+const GLOSSY_SOURCES: u32 = 16;
+
+/// How the tree of specular rays grows, and how lights that have a size are sampled.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WhittedConfig {
     /// Specular bounces in a row, 0 … 16, for camera rays and light paths alike. Fewer darken what is seen
     /// through glass and in facing mirrors. Ours: the paper does not say.
     pub specular_depth: u32,
-    /// Roughness (perceptual) up to which a surface is a mirror, 0 … 1. More turns glossy surfaces into
-    /// mirrors; lobes above it are left out. Ours: the paper does not say.
+    /// Roughness (perceptual) up to which a surface or a clear coat is a mirror, 0 … 1. More turns glossy surfaces into
+    /// mirrors; lobes above it count with `indirect.glossy`. Ours: the paper does not say.
     pub mirror_roughness: f32,
+    /// Shadow rays from a point to emissive triangles and the environment together, 1 … 4096; lights without size get one
+    /// each. More: smoother penumbrae, and lobes lit by large lights; time in proportion. No bias. Ours: the paper's
+    /// lights are points.
+    pub light_samples: u32,
 }
 
 impl Default for WhittedConfig {
     fn default() -> Self {
-        Self { specular_depth: 5, mirror_roughness: 0.1 }
+        Self { specular_depth: 5, mirror_roughness: 0.1, light_samples: 16 }
     }
 }
 
-/// Radiance by emission and direct light at primary hits.
-pub fn direct(g: &mut Graph<'_>, k: &Kernels, gb: &GBuffer) -> Res<Image> {
+impl WhittedConfig {
+    /// Sources that light a point at most: lights, samples of those that have a size, VPLs.
+    fn sources(&self, k: &Kernels, vpls: &Vpls) -> u32 {
+        k.lights() + if k.area_lights() { self.light_samples } else { 0 } + vpls.slots
+    }
+}
+
+/// Radiance by emission, direct light and the environment at the end of camera rays.
+pub fn direct(g: &mut Graph<'_>, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
     g.group("whitted", |g| {
-        let out = g.image("direct", g.desc(gb.albedo));
-        let bind = kernels::direct::Bind { hits: gb.hits, albedo: gb.albedo, out_radiance: out };
-        g.pass(
-            "direct",
-            &kernels::direct::kernel(&k.scene),
-            bind,
-            kernels::direct::Params {},
-            Grid::Over(out),
-        );
-        out
+        let mut sum = None;
+        let samples = if k.area_lights() { config.light_samples } else { 1 };
+        for first in (0..samples).step_by(RANGE as usize) {
+            let out = g.image("direct", g.desc(gb.albedo));
+            let bind = kernels::direct::Bind {
+                hits: gb.hits,
+                albedo: gb.albedo,
+                // Unread by the first range, which has nothing to continue.
+                before: sum.unwrap_or(gb.albedo),
+                out_radiance: out,
+            };
+            let kernel =
+                kernels::direct::kernel(kernels::direct::Spec { continues: sum.is_some() }, &k.scene);
+            let params = kernels::direct::Params { first, last: first + RANGE };
+            g.pass("direct", &kernel, bind, params, Grid::Over(out));
+            sum = Some(out);
+        }
+        sum.unwrap_or(gb.albedo)
     })
 }
 
@@ -66,6 +93,7 @@ pub struct Reflections {
     emitted: Res<Image>,
     last: Res<Image>,
     points: Res<Buffer>,
+    seen: Res<Buffer>,
     args: Res<Buffer>,
     order: Res<Buffer>,
     capacity: u32,
@@ -89,9 +117,12 @@ pub fn tree(
             let emitted = g.image("emitted", desc);
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
+            let known = if k.glossy() || k.area_lights() { capacity } else { 1 };
+            let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
-            let sources = RANGE.min(k.lights() + vpls.slots);
-            let args = g.buffer_with("light_args", bytemuck::cast_slice(&[0, sources, 1, 0]).to_vec());
+            let share = if k.glossy() { GLOSSY_SOURCES } else { 1 };
+            let shares = RANGE.min(config.sources(k, vpls)).div_ceil(share);
+            let args = g.buffer_with("light_args", bytemuck::cast_slice(&[0, shares, 1, 0]).to_vec());
             let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
             g.pass(
                 "tree",
@@ -105,11 +136,12 @@ pub fn tree(
                     out_last: last,
                     points,
                     args,
+                    seen,
                 },
                 tree::Params { capacity, range: RANGE, min_distance },
                 Grid::Over(emitted),
             );
-            Reflections { emitted, last, points, args, order, capacity, min_distance }
+            Reflections { emitted, last, points, seen, args, order, capacity, min_distance }
         })
     })
 }
@@ -124,17 +156,24 @@ pub fn sort(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections) {
 }
 
 /// Radiance through mirrors and glass: the points lit by all lights and VPLs.
-pub fn specular(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections, vpls: &Vpls) -> Res<Image> {
-    let &Reflections { emitted, last, points, args, order, capacity, min_distance } = reflections;
+pub fn specular(
+    g: &mut Graph<'_>,
+    k: &Kernels,
+    config: &WhittedConfig,
+    reflections: &Reflections,
+    vpls: &Vpls,
+) -> Res<Image> {
+    let &Reflections { emitted, last, points, seen, args, order, capacity, min_distance } = reflections;
+    let sources = config.sources(k, vpls);
     g.group("whitted", |g| {
         // Short lists are lit by many threads a point: until there are points enough to fill any device.
         let room = capacity.saturating_mul(RANGE).min(ROOM);
         let parts = g.buffer("parts", u64::from(room) * 12);
-        let (vpls, count, sources) = (vpls.list, vpls.count, k.lights() + vpls.slots);
+        let (vpls, count) = (vpls.list, vpls.count);
         let grid = Grid::Indirect { buffer: args, offset: 0 };
         for first in (0..sources).step_by(RANGE as usize) {
             let range = first + RANGE;
-            let bind = light::Bind { vpls, count, args, points, parts, order };
+            let bind = light::Bind { vpls, count, args, points, parts, seen, order };
             let params = light::Params { capacity, room, first, last: range, min_distance };
             g.pass("light", &light::kernel(&k.scene), bind, params, grid);
             let bind = collect::Bind { count, args, parts, points, order };

@@ -2,7 +2,9 @@
 //!
 //! E(x) = (1/π) Σ_k Φ_k V(x, y_k) G(x, y_k), one shadow ray a VPL with G > 0, where
 //! G = cosθ_x cosθ_k / d² · f(0.8 m, 1.2 m, d) with the paper's cubic smooth step f. Irradiance, not radiance, is
-//! kept: the albedo multiplies when the picture is composed, so filters never blur textures.
+//! kept: the albedo multiplies when the picture is composed, so filters never blur textures. What glossy lobes reflect of
+//! VPLs is radiance in an image of its own ([`glossy`]), by every pixel and every VPL, never filtered. VPLs themselves
+//! shine as Lambertians.
 //!
 //! Bias: f drops light from VPLs nearer than m; in a convex box about 4/(3π) · m · ΣL_edge / A of one bounce.
 //! Cost: a shadow ray for every pixel and VPL that face each other; nearly all of a frame.
@@ -29,6 +31,7 @@
 
 mod downsample;
 mod gather;
+mod glossy;
 mod interleave;
 
 use super::gbuffer::{GBuffer, Geometry};
@@ -78,6 +81,12 @@ pub struct IndirectConfig {
     pub plane_threshold: f32,
     /// … and its weight falls to 0 as the cosine between normals falls to this, −1 … 1 (1 excluded).
     pub plane_cosine: f32,
+    /// Whether clear coats and specular lobes rougher than `whitted.mirror_roughness` count: in direct light, behind
+    /// mirrors, and at primary hits lit by every VPL at every pixel, whatever the accelerations. Without, their light is
+    /// missing, and pictures of materials other than Lambertian are darker; with, a scene that has such materials takes
+    /// about one canonical gather longer, others nothing. On, because that is what a file's materials say; the presets
+    /// are the paper's and leave it off.
+    pub glossy: bool,
 }
 
 impl Default for IndirectConfig {
@@ -95,6 +104,7 @@ impl Default for IndirectConfig {
             normal_threshold: 0.9,
             plane_threshold: 0.5,
             plane_cosine: 0.8,
+            glossy: true,
         }
     }
 }
@@ -279,6 +289,19 @@ pub fn gather(
     let extent = [0, 1].map(|axis| end(axis) - first_cell[axis]);
     let gathered = g.group("indirect", |g| gather::gather(g, &s, &SampleGrid { first_cell, extent }));
     Samples { gathered, min_distance }
+}
+
+/// Radiance (W/(sr·m²)) by the glossy lobes of primary hits from all VPLs; `None` where there are none.
+pub fn glossy(
+    g: &mut Graph<'_>,
+    k: &Kernels,
+    config: &IndirectConfig,
+    gbuffer: &GBuffer,
+    vpls: &Vpls,
+    min_distance: f32,
+) -> Option<Res<Image>> {
+    let s = Scope { kernels: k, config, gbuffer, vpls, min_distance };
+    k.glossy_lobes().then(|| g.group("indirect", |g| glossy::glossy(g, &s)))
 }
 
 /// Brings the samples' light to every pixel. Without `geometry` the samples are the pixels.
