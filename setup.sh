@@ -3,7 +3,7 @@
 #
 #   ./setup.sh       a linker, shaderc, the Vulkan loader, a Vulkan driver
 #   ./setup.sh ci    also what the whole test suite asks for: a driver with ray query, validation layers,
-#                    and the tools that check its files
+#                    the tools that check its files, and a browser for its pages
 set -euo pipefail
 
 mode=${1:-build}
@@ -70,6 +70,11 @@ has_driver() {
     return 1
 }
 
+# The names that tests look for.
+has_browser() {
+    command -v chromium || command -v chromium-browser || command -v google-chrome
+} >/dev/null
+
 installed() { dpkg-query -W -f '${Status}' "$1" 2>/dev/null | grep -q ' installed$'; }
 
 # Whether the package lists, once there are some, offer what the quick link needs: shaderc knows ray
@@ -129,6 +134,7 @@ has_loader || packages+=(libvulkan1)
 if [ "$mode" = ci ]; then
     has_ray_query || packages+=(mesa-vulkan-drivers)
     tools=(openexr spirv-tools vulkan-validationlayers)
+    has_browser || tools+=(chromium)
     [ "${VERSION_CODENAME:-}" != bookworm ] || tools+=(libllvm15) # Debian 12's own Mesa is linked with it
     for package in "${tools[@]}"; do
         installed "$package" || packages+=("$package")

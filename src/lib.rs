@@ -15,6 +15,7 @@ pub mod graph;
 pub mod methods;
 pub mod metrics;
 pub mod output;
+mod page;
 pub mod paper;
 #[cfg(feature = "compile")]
 mod reflect;
@@ -22,6 +23,7 @@ pub mod renderer;
 pub mod sampling;
 pub mod scene;
 pub mod shaders;
+pub mod stress;
 pub mod techniques;
 #[allow(unsafe_code)]
 pub mod vk;

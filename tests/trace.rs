@@ -12,7 +12,7 @@ use parhelion::accel::cpu::{BruteForce, Crossing, Ray};
 use parhelion::accel::software::{MAX_STACK_DEPTH, SoftwareBvh};
 use parhelion::accel::{Error, Geometry, Structure};
 use parhelion::graph::{Executor, Graph, Grid, RunOptions};
-use parhelion::scene::{AlphaMode, Instance, Material, Mesh, Scene};
+use parhelion::scene::{AlphaMode, Instance, Material, Mesh, Scene, builtin};
 use parhelion::shaders::test::trace::{Bind, Params, Spec};
 use parhelion::shaders::{self, SceneData, SceneSpec, TestHit as Hit, TestRay};
 use parhelion::vk::{Backend, Device};
@@ -507,6 +507,46 @@ fn a_closed_mesh_leaks_no_ray_at_its_edges_and_vertices() {
             }
         });
     }
+}
+
+/// Walls that are flat along axes, rays along axes and along walls' edges too: what asks for the nearest hit and what
+/// asks for any finds one. The latter ends traversal early, on some lanes of a subgroup before others.
+#[test]
+fn a_closed_box_lets_no_ray_out() {
+    let geometry = Geometry::of(&builtin::by_name("closed-box").unwrap()).unwrap();
+    let triangles: Vec<_> = geometry.world_triangles().map(|triangle| triangle.vertices).collect();
+    let size = triangles.iter().flatten().copied().reduce(Vec3::max).unwrap();
+    let mut random = Random(11);
+    let rays: Vec<Ray> = (0..RAYS)
+        .map(|_| {
+            // A third of the coordinates are those of vertices; a wall's own leave it as a scattered ray does.
+            let mut origin = Vec3::ZERO;
+            for axis in 0..3 {
+                let at = match random.index(0..3) {
+                    0 => triangles[random.index(0..triangles.len())][0][axis],
+                    _ => random.unit() * size[axis],
+                };
+                origin[axis] = at.clamp(geometry.ray_epsilon(), size[axis] - geometry.ray_epsilon());
+            }
+            let axis = random.index(0..3);
+            let sign = if random.unit() < 0.5 { -1.0 } else { 1.0 };
+            let mut direction = random.direction();
+            match random.index(0..4) {
+                // Zeros of either sign.
+                0 => direction = Vec3::AXES[axis] * sign,
+                1 => direction[axis] = 0.0 * sign,
+                _ => {}
+            }
+            let t_max = if random.unit() < 0.5 { f32::INFINITY } else { 4.0 * size.length() };
+            Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max }
+        })
+        .collect();
+    with_backends(|device, backend| {
+        let traced = Traced::new(device, backend, &geometry);
+        let leaks = traced.closest(&rays).iter().filter(|hit| !found(hit)).count();
+        let lit = traced.any(&rays).iter().filter(|blocked| !**blocked).count();
+        assert_eq!((leaks, lit), (0, 0), "{backend:?}");
+    });
 }
 
 /// Rays that leave the surface of a convex mesh, half of them along it, by the arithmetic of

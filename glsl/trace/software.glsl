@@ -191,12 +191,13 @@ bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool 
             uvec2 id = floatBitsToUint(vec2(a.w, b.w));
             if (t == t_max && (best == none || precedes(triangle_id(triangles, best), id))) continue;
             if (ALPHA_MASK && floatBitsToUint(c.w) != 0u && alpha_hole(id.x, id.y, t_barycentrics.yz)) continue;
-            if (any_hit) return true;
-            t_max = t;
             best = at;
+            // A return from here is lost on some lanes by Mesa 22.3's lavapipe.
+            if (any_hit) break;
+            t_max = t;
         }
-    } while (proceed(group, top));
-    if (best == none) return false;
+    } while ((!any_hit || best == none) && proceed(group, top));
+    if (any_hit || best == none) return best != none;
 
     // Barycentrics are worked out again rather than kept in registers all along.
     vec4 a = triangles.word[best];

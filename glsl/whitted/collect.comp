@@ -5,7 +5,7 @@ layout(local_size_x = 64) in;
 #include "whitted/reached.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 1, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
+layout(set = 1, binding = 1, scalar) readonly buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
 layout(set = 1, binding = 2, scalar) readonly buffer Parts { vec3 data[]; } parts;
 layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 4, scalar) readonly buffer Order { uint at[]; } order;
@@ -14,18 +14,22 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint fi
 void main() {
     uint index = gl_GlobalInvocationID.x;
     uint listed = min(args.points, params.capacity);
-    uint last = min(params.last, scene.light_count + scene.light_samples + count.vpls);
-    if (gl_WorkGroupID.y > 0u || index >= listed || params.first >= last) return;
-    uint shares = (last - params.first + SOURCES - 1u) / SOURCES;
-    if (listed > params.room / shares) return;
+    uint sources = scene.light_count + scene.light_samples + count.vpls;
+    uint last = min(params.last, sources), widest = min(params.last - params.first, sources);
+    if (index >= listed || params.first >= last) return;
+    uint share = share_of(listed, widest, params.room);
+    uint shares = (last - params.first + share - 1u) / share;
+    uint step = share == 1u ? GROUP : 1u;
     vec3 sum = vec3(0.0);
-    uint s = 0u;
-    // Loads that do not wait for each other.
-    for (; s + 4u <= shares; s += 4u) {
-        vec3 four[4];
-        for (uint i = 0u; i < 4u; ++i) four[i] = parts.data[(s + i) * listed + index];
-        for (uint i = 0u; i < 4u; ++i) sum += four[i];
+    for (uint s = 0u; s < shares; s += step) {
+        // Loads that do not wait for each other.
+        vec3 some[GROUP];
+        for (uint i = 0u; i < GROUP; ++i) {
+            some[i] = i < step && s + i < shares ? parts.data[(s + i) * listed + index] : vec3(0.0);
+        }
+        vec3 of_group = vec3(0.0);
+        for (uint i = 0u; i < GROUP; ++i) of_group += some[i];
+        sum += of_group;
     }
-    for (; s < shares; ++s) sum += parts.data[s * listed + index];
     points.data[order.at[index]].irradiance += sum;
 }

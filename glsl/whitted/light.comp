@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper. Where the list is
-// short a thread takes one point and few sources, and collect.comp adds them up; else it takes them all.
+// Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper: the shorter the
+// list, the more threads share a point. collect.comp adds up what they find.
 // Neighbours in the order are neighbours in space, so their rays to the same source stay together.
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
@@ -9,8 +9,8 @@ layout(local_size_x = 64) in;
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
-layout(set = 1, binding = 3, scalar) buffer Points { Reached data[]; } points;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
+layout(set = 1, binding = 3, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 4, scalar) writeonly buffer Parts { vec3 data[]; } parts;
 layout(set = 1, binding = 5, scalar) readonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
 layout(set = 1, binding = 6, scalar) readonly buffer Order { uint at[]; } order;
@@ -21,23 +21,18 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint fi
 void main() {
     uint index = gl_GlobalInvocationID.x, part = gl_WorkGroupID.y;
     uint listed = min(args.points, params.capacity);
-    uint last = min(params.last, source_count());
+    uint last = min(params.last, source_count()), widest = min(params.last - params.first, source_count());
     if (index >= listed || params.first >= last) return;
-    uint shares = (last - params.first + SOURCES - 1u) / SOURCES;
-    bool shared_out = listed <= params.room / shares;
-    if (part >= (shared_out ? shares : 1u)) return;
+    uint share = share_of(listed, widest, params.room);
+    uint source = params.first + part * share;
+    if (source >= last) return;
     uint rays = 0u;
     uint point = order.at[index];
     Receiver x = points.data[point].receiver;
     Lit lit;
     if (GLOSSY) lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
-    if (shared_out) {
-        uint source = params.first + part * SOURCES;
-        uint end = min(source + SOURCES, last);
-        parts.data[part * listed + index] = light_from(x, lit, source, end, params.min_distance, rays);
-    } else {
-        points.data[point].irradiance += light_in_shares(x, lit, params.first, last, params.min_distance, rays);
-    }
+    uint end = min(source + share, last);
+    parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);
     count_rays(COUNT_SPECULAR_LIGHT, rays);
 }

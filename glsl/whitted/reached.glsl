@@ -7,8 +7,7 @@
 
 const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of one workgroup of light.comp
-// Sources of a thread of light.comp where many share a point: to read a glossy surface takes longer than a ray.
-const uint SOURCES = GLOSSY ? 16u : 1u;
+const uint GROUP = 16u;  // sources whose light is summed before it is added to that of others, whoever does it
 
 struct Reached {
     Receiver receiver;
@@ -23,5 +22,12 @@ struct Seen {
     vec3 to_viewer;
     uint seed;
 };
+
+// How many of `sources`, those of the widest range, a thread takes, for a list so long and room for so many sums: one, a
+// group or all. To read a glossy surface takes longer than a ray.
+uint share_of(uint listed, uint sources, uint room) {
+    if (!GLOSSY && listed <= room / sources) return 1u;
+    return listed <= room / ((sources + GROUP - 1u) / GROUP) ? GROUP : sources;
+}
 
 #endif

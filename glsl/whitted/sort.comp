@@ -2,16 +2,17 @@
 #extension GL_GOOGLE_include_directive : require
 // Brings the listed points into an order in which neighbours are close in space: behind curved mirrors neighbours in
 // the picture are not, and rays from one light to far-off points go separate ways. A counting sort in one workgroup, by
-// cells of the points' bounding box. The order never shows.
+// cells of the points' bounding box. The order never shows. Says how many threads share a point, too.
 const uint THREADS = 256u;
 layout(local_size_x = THREADS) in;
 #include "shared/scene.glsl"
 #include "whitted/reached.glsl"
 
-layout(set = 1, binding = 0, scalar) readonly buffer Args { uint groups; uint y; uint z; uint points; } args;
+layout(set = 1, binding = 0, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
 layout(set = 1, binding = 1, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 2, scalar) writeonly buffer Order { uint at[]; } order;
-layout(push_constant, scalar) uniform Params { uint capacity; } params;
+layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
+layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint range; } params;
 
 const uvec3 CELLS = uvec3(22u, 7u, 22u); // rooms are low
 const uint SHARE = 14u;
@@ -44,6 +45,12 @@ uint bin_of(uint point) {
 void main() {
     uint thread = gl_LocalInvocationIndex;
     uint listed = min(args.points, params.capacity);
+    if (thread == 0u) {
+        uint widest = min(params.range, scene.light_count + scene.light_samples + count.vpls);
+        uint share = share_of(listed, max(widest, 1u), params.room);
+        args.shares = (widest + share - 1u) / share;
+        args.collect_groups = args.groups;
+    }
     if (thread < 3u) {
         least[thread] = 0xffffffffu;
         most[thread] = 0u;

@@ -61,12 +61,10 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
     return sum;
 }
 
-// The same, summed share by share as light.comp and collect.comp do, so that the bits do not tell how it was done.
-vec3 light_in_shares(Receiver x, Lit lit, uint first, uint last, float min_distance, inout uint rays) {
+// The same, summed group by group.
+vec3 light_in_groups(Receiver x, Lit lit, uint first, uint last, float min_distance, inout uint rays) {
     vec3 sum = vec3(0.0);
-    for (uint share = first; share < last; share += SOURCES) {
-        sum += light_from(x, lit, share, min(share + SOURCES, last), min_distance, rays);
-    }
+    for (uint k = first; k < last; k += GROUP) sum += light_from(x, lit, k, min(k + GROUP, last), min_distance, rays);
     return sum;
 }
 

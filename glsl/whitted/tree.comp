@@ -19,7 +19,7 @@ layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_emitted;
 layout(set = 1, binding = 5, r32ui) uniform writeonly uimage2D out_last;
 layout(set = 1, binding = 6, scalar) writeonly buffer Points { Reached data[]; } points;
-layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint y; uint z; uint points; } args;
+layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
 layout(set = 1, binding = 8, scalar) writeonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
 layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
 
@@ -121,7 +121,7 @@ void main() {
                 vec3 irradiance = vec3(0.0);
                 for (uint first = 0u; first < source_count(); first += params.range) {
                     uint end = min(first + params.range, source_count());
-                    irradiance += light_in_shares(receiver_at(surface), lit, first, end, params.min_distance, rays);
+                    irradiance += light_in_groups(receiver_at(surface), lit, first, end, params.min_distance, rays);
                 }
                 radiance += reflected * irradiance;
             }

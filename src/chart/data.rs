@@ -35,6 +35,9 @@ pub struct Chart {
     pub metrics: Vec<MetricInfo>,
     /// What was measured.
     pub points: Vec<Point>,
+    /// Whether every setting was measured with every seed; false while the sweep runs, or where it was cut short.
+    #[serde(default)]
+    pub complete: bool,
     /// Settings that gave no picture.
     pub failures: Vec<Failure>,
     /// What to use here for so many milliseconds.
@@ -79,7 +82,8 @@ pub struct Point {
     pub method: String,
     /// The setting in few words.
     pub label: String,
-    /// Keys of the configuration and their values, those that vary in the chart.
+    /// Keys of the configuration and their values: those that differ from the default, or among the chart's points of
+    /// this method. Enough to render it again ([`super::grid::config`]).
     pub settings: BTreeMap<String, serde_json::Value>,
     /// Seeds it was rendered with.
     pub seeds: u32,
@@ -91,7 +95,8 @@ pub struct Point {
     pub rays: u64,
     /// Most bytes allocated on the device.
     pub device_bytes: u64,
-    /// Errors by metric, over seeds.
+    /// Errors by metric, over seeds. The reference's own noise is subtracted from relMSE and its trimmed form, down to a
+    /// tenth of what was measured, and from the squared error behind `rmse`.
     pub metrics: BTreeMap<String, Spread>,
     /// Whether its error stands clear of the reference's own noise.
     pub ranked: bool,

@@ -25,6 +25,10 @@ pub(super) enum Command {
     /// Repeat the paper's experiment on a scene: its four approaches at 30, 90 and 180 VPLs, and ours; times,
     /// errors, pictures.
     Paper(Box<Paper>),
+    /// Chart error against time: methods and settings on one scene, a page to look at, and what to use.
+    Chart(Box<Chart>),
+    /// Measure how far a picture is from a reference.
+    Compare(Compare),
     /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
     Doctor(Doctor),
     /// Show the render graph of a frame, without rendering it.
@@ -77,6 +81,34 @@ pub(super) struct Common {
     pub(super) progress: ProgressWord,
 }
 
+/// What `--budget` and `--error` decide, or cannot do with.
+const CHOSEN: [&str; 24] = [
+    "method",
+    "vpls",
+    "bounces",
+    "min_distance",
+    "preset",
+    "downsample",
+    "upsample",
+    "interleave",
+    "pattern",
+    "filter",
+    "visibility",
+    "box_split",
+    "spp",
+    "max_depth",
+    "estimator",
+    "transport",
+    "pixel_filter",
+    "time",
+    "noise",
+    "resume",
+    "pixel_samples",
+    "config",
+    "define",
+    "crop",
+];
+
 #[derive(clap::Args)]
 pub(super) struct Render {
     #[command(flatten)]
@@ -87,6 +119,16 @@ pub(super) struct Render {
     /// How light is computed [default: igi].
     #[arg(long, value_parser = methods())]
     pub(super) method: Option<String>,
+    /// Pick method and settings that leave the least error in this time a frame, such as 16ms, by the scene's chart or,
+    /// where there is none, a quick probe.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = budget, conflicts_with_all = CHOSEN)]
+    pub(super) budget: Option<Duration>,
+    /// Pick those that take the least time for this error (relMSE), such as 0.02.
+    #[arg(long, value_name = "ERROR", allow_hyphen_values = true, value_parser = error, conflicts_with = "budget", conflicts_with_all = CHOSEN)]
+    pub(super) error: Option<f64>,
+    /// The chart to pick from [default: the last one made for scene, camera, size and device].
+    #[arg(long, value_name = "data.json")]
+    pub(super) front: Option<PathBuf>,
     /// Virtual point lights: more is smoother and slower, in proportion [default: 180].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) vpls: Option<u32>,
@@ -216,6 +258,56 @@ pub(super) struct Paper {
 }
 
 #[derive(clap::Args)]
+pub(super) struct Chart {
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// Folder for index.html, data.json, data.csv and pictures; a sweep that was cut short goes on there [default:
+    /// SCENE-chart].
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+    /// Which settings: small, paper, full, or tables [[sweep]] of keys as for -D, lists multiplied out.
+    #[arg(long, value_name = "small|paper|full|FILE.toml", default_value = "small")]
+    pub(super) grid: String,
+    /// Picture to measure errors against, of all light and pixels' centres [default: one is rendered].
+    #[arg(long, value_name = "REF.exr", conflicts_with_all = ["reference_spp", "reference_depth"])]
+    pub(super) reference: Option<PathBuf>,
+    /// Samples a pixel of the reference [default: 16384, or what fits in 4 minutes].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
+    pub(super) reference_spp: Option<u32>,
+    /// Edges of its longest paths, and of those of charted path tracing [default: 64, all light there is].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) reference_depth: Option<u32>,
+    /// Seeds each setting is rendered with, from --seed on.
+    #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(super) seeds: u32,
+    /// Render each N times after warming up, and report medians; 0 renders once [default: 5, on a CPU 0].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub(super) repeat: Option<u32>,
+    /// Begin no further measurement after this time, such as 30s or 10m, and chart what there is.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
+    pub(super) time_limit: Option<Duration>,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Compare {
+    /// Picture to judge, linear radiance.
+    #[arg(value_name = "A.exr")]
+    pub(super) image: PathBuf,
+    /// Picture to judge it by.
+    #[arg(value_name = "REF.exr")]
+    pub(super) reference: PathBuf,
+    /// Layer to compare, such as indirect or depth [default: the picture].
+    #[arg(long, value_name = "NAME")]
+    pub(super) layer: Option<String>,
+    /// Write the error of each pixel as a picture: HDR-FLIP, of layers without three channels relative error.
+    #[arg(short, long = "output", value_name = "ERROR.png")]
+    pub(super) output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(clap::Args)]
 pub(super) struct Doctor {
     /// Print JSON.
     #[arg(long)]
@@ -339,6 +431,14 @@ fn duration(text: &str) -> Result<Duration, String> {
     };
     let seconds = digits.parse::<f64>().map_err(|_| expected())? * unit;
     Duration::try_from_secs_f64(seconds).ok().filter(|time| !time.is_zero()).ok_or_else(expected)
+}
+
+/// Of a frame nobody expects seconds, of other times nobody milliseconds: the unit has to be there.
+fn budget(text: &str) -> Result<Duration, String> {
+    match text.ends_with(|c: char| c.is_ascii_alphabetic()) {
+        true => duration(text),
+        false => Err("expected a time with its unit, such as 16ms".into()),
+    }
 }
 
 fn error(text: &str) -> Result<f64, String> {

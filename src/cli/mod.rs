@@ -1,6 +1,9 @@
 //! Commands: what they are asked, what they print and how they end.
 
 mod args;
+mod chart;
+mod choose;
+mod compare;
 mod doctor;
 mod graph;
 mod interrupt;
@@ -88,6 +91,8 @@ pub(crate) fn main() -> ExitCode {
     let run = || match args::Cli::parse().command {
         args::Command::Render(args) => render::run(&args),
         args::Command::Paper(args) => paper::run(&args),
+        args::Command::Chart(args) => chart::run(&args),
+        args::Command::Compare(args) => compare::run(&args),
         args::Command::Doctor(args) => doctor::run(&args),
         args::Command::Graph(args) => graph::run(&args),
     };

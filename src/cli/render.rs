@@ -5,7 +5,7 @@ use super::progress::Reporter;
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{Failure, extension, input, interrupt, print, scene};
+use super::{Failure, choose, extension, input, interrupt, print, scene};
 use glam::Vec3;
 use parhelion::config::RenderConfig;
 use parhelion::denoise::Denoiser;
@@ -24,9 +24,12 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
-    let config = settings(args)?;
+    let mut config = settings(args)?;
+    let wish = choose::wish(args)?;
     let method = methods::named(config.method.name());
-    method.check(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
+    if wish.is_none() {
+        method.check(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
+    }
     let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
@@ -37,8 +40,6 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let roughness = config.whitted.mirror_roughness;
     let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
-    let left_out = (method.left_out)(&profile, &config);
-    left_out.iter().for_each(|line| reporter.note(line));
 
     let select = args.common.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
@@ -46,6 +47,19 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let options =
         RendererOptions { backend: args.common.backend.into(), visibility: config.indirect.visibility };
     let mut renderer = Renderer::new(&device, scene, &options)?;
+    let chosen = match wish {
+        Some(wish) => {
+            let chosen = choose::chosen(args, wish, &config, &mut renderer, &camera, &reporter)?;
+            config = chosen.config.clone();
+            methods::named(config.method.name())
+                .check(&config, &args.aov)
+                .map_err(|error| input!("--aov: {error}"))?;
+            Some(chosen)
+        }
+        None => None,
+    };
+    let left_out = (methods::named(config.method.name()).left_out)(&profile, &config);
+    left_out.iter().for_each(|line| reporter.note(line));
 
     let origin = Origin::of(&renderer, &camera);
     let resume = args.resume.as_deref().map(|file| resume(file, args, &config, &origin)).transpose()?;
@@ -65,15 +79,14 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let request = FrameRequest {
         aovs: &args.aov,
         taps: &taps,
-        repeat: args.repeat.unwrap_or(0),
+        // A budget is of warm frames.
+        repeat: args.repeat.unwrap_or(u32::from(chosen.is_some())),
         time: args.time,
         noise: args.noise,
         resume: resume.as_ref(),
         denoiser: denoiser.as_ref(),
         // Times are of renders that nothing interrupts.
-        preview: args
-            .repeat
-            .is_none()
+        preview: (args.repeat.is_none() && chosen.is_none())
             .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show }),
         cancel: Some(&interrupt::CANCEL),
         progress: Some(&progress),
@@ -95,6 +108,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         }
     }
     report.push_str(&table(&frame));
+    if let Some(chosen) = &chosen {
+        report.push_str(&chosen.report);
+        report.push_str(&chosen.outcome(&frame, &renderer, &camera));
+    }
     for file in &outputs {
         if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
             return Err(renderer::Error::Cancelled.into());

@@ -53,12 +53,12 @@ fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameIn
     let paths = vpl_shoot::paths(g, k, &config.vpl_shoot);
     let gbuffer = gbuffer::gbuffer(g, k, frame.origin, frame.extent);
     let vpls = vpl_shoot::compact(g, &config.vpl_shoot, &paths, config.indirect.subsets());
-    let geometry = config.indirect.filtered().then(|| gbuffer::unpack(g, k, &gbuffer));
     let reflections = whitted::tree(g, k, &config.whitted, &gbuffer, &vpls, min_distance);
     let samples = indirect::gather(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let direct = whitted::direct(g, k, &config.whitted, &gbuffer);
+    let geometry = config.indirect.filtered().then(|| gbuffer::unpack(g, k, &gbuffer));
     if let Some(reflections) = &reflections {
-        whitted::sort(g, k, reflections);
+        whitted::sort(g, k, reflections, &vpls);
     }
     let glossy = indirect::glossy(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let indirect =

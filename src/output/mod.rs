@@ -3,10 +3,12 @@
 
 mod exr;
 mod file;
+mod magma;
 mod png;
 
 pub use exr::{Attribute, Channels, Picture, ReadPicture, read_exr, write_exr};
 pub use file::{check_writable, discard_unfinished, write_file};
+pub use magma::magma;
 pub use png::write_png;
 
 use std::path::PathBuf;

@@ -28,11 +28,8 @@ use crate::vk::Format;
 /// Lights and VPLs that one pass takes; bounded as [`super::indirect::RANGE`] is.
 const RANGE: u32 = 256;
 
-/// Irradiances of one point by one source that are kept apart, 12 bytes each, at most.
-const ROOM: u32 = 1 << 21;
-
-/// Lights and VPLs that a thread takes where many share a glossy point; as in `glsl/whitted/reached.glsl`.
-const GLOSSY_SOURCES: u32 = 16;
+/// Sums of light at a point that are kept apart, 12 bytes each: enough to fill any device with short lists.
+const ROOM: u32 = 1 << 22;
 
 /// How the tree of specular rays grows, and how lights that have a size are sampled.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -120,9 +117,7 @@ pub fn tree(
             let known = if k.glossy() || k.area_lights() { capacity } else { 1 };
             let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
-            let share = if k.glossy() { GLOSSY_SOURCES } else { 1 };
-            let shares = RANGE.min(config.sources(k, vpls)).div_ceil(share);
-            let args = g.buffer_with("light_args", bytemuck::cast_slice(&[0, shares, 1, 0]).to_vec());
+            let args = g.buffer_with("light_args", bytemuck::cast_slice(&[0_u32, 0, 1, 0, 0, 1, 1]).to_vec());
             let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
             g.pass(
                 "tree",
@@ -147,12 +142,17 @@ pub fn tree(
 }
 
 /// Brings the points into an order that [`specular`] lights faster; a step of its own so that others can run beside it.
-pub fn sort(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections) {
+pub fn sort(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections, vpls: &Vpls) {
     let &Reflections { points, args, order, capacity, .. } = reflections;
     g.group("whitted", |g| {
-        let bind = sort::Bind { args, points, order };
-        g.pass("sort", &sort::kernel(&k.scene), bind, sort::Params { capacity }, Grid::Of([1, 1, 1]));
+        let bind = sort::Bind { args, points, order, count: vpls.count };
+        let params = sort::Params { capacity, room: room(capacity), range: RANGE };
+        g.pass("sort", &sort::kernel(&k.scene), bind, params, Grid::Of([1, 1, 1]));
     });
+}
+
+fn room(capacity: u32) -> u32 {
+    capacity.saturating_mul(RANGE).min(ROOM).max(capacity)
 }
 
 /// Radiance through mirrors and glass: the points lit by all lights and VPLs.
@@ -166,8 +166,7 @@ pub fn specular(
     let &Reflections { emitted, last, points, seen, args, order, capacity, min_distance } = reflections;
     let sources = config.sources(k, vpls);
     g.group("whitted", |g| {
-        // Short lists are lit by many threads a point: until there are points enough to fill any device.
-        let room = capacity.saturating_mul(RANGE).min(ROOM);
+        let room = room(capacity);
         let parts = g.buffer("parts", u64::from(room) * 12);
         let (vpls, count) = (vpls.list, vpls.count);
         let grid = Grid::Indirect { buffer: args, offset: 0 };
@@ -178,6 +177,7 @@ pub fn specular(
             g.pass("light", &light::kernel(&k.scene), bind, params, grid);
             let bind = collect::Bind { count, args, parts, points, order };
             let params = collect::Params { capacity, room, first, last: range };
+            let grid = Grid::Indirect { buffer: args, offset: 16 };
             g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
         }
         let out = g.image("specular", g.desc(emitted));

@@ -30,7 +30,7 @@ pub enum MemoryKind {
 pub struct MemoryReport {
     /// Bytes allocated now.
     pub current: u64,
-    /// Most bytes that were allocated at once since the device was opened.
+    /// Most bytes that were allocated at once since the device was opened, or since [`Device::reset_peak`].
     pub peak: u64,
     /// Bytes allocated now, summed by the objects' names.
     pub by_name: BTreeMap<String, u64>,
@@ -448,6 +448,12 @@ impl Device {
             *by_name.entry(allocation.name).or_default() += allocation.size;
         }
         MemoryReport { current: memory.current(), peak: memory.peak, by_name }
+    }
+
+    /// Begins to look for [`MemoryReport::peak`] anew.
+    pub fn reset_peak(&self) {
+        let mut memory = self.allocator();
+        memory.peak = memory.current();
     }
 
     /// A buffer of `size` bytes, its contents undefined. 0 bytes are allowed.

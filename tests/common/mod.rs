@@ -2,7 +2,7 @@
 //! fail the test that caused them.
 //!
 //! A test whose need is not met says so and passes, unless the environment variable `PARHELION_REQUIRE` (words
-//! separated by commas: `vulkan`, `ray-query`, `validation`, `shared`, `oidn`) lists it: then it fails.
+//! separated by commas: `vulkan`, `ray-query`, `validation`, `shared`, `chromium`, `oidn`) lists it: then it fails.
 
 // Every test binary has its own copy and none uses all of it.
 #![allow(dead_code)]
@@ -14,6 +14,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use glam::Vec3;
 use parhelion::scene::Mesh;
 use parhelion::vk::{Device, DeviceOptions};
+use serde_json::Value;
 
 /// Passes `present` on; where it is false, says that the test is skipped, or fails where `need` is required.
 pub(crate) fn require(need: &str, present: bool, why: &str) -> bool {
@@ -89,4 +90,74 @@ pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
         materials: vec![material; 2],
         ..Mesh::default()
     }
+}
+
+/// The part of JSON Schema that the schemas in `docs` use; any other word in them fails the test.
+pub(crate) fn check_schema(root: &Value, schema: &Value, value: &Value, at: &str) -> Result<(), String> {
+    let fail = |what: String| Err(format!("{at}: {what}"));
+    for (word, rule) in schema.as_object().unwrap() {
+        match word.as_str() {
+            "$schema" | "$defs" | "title" | "description" | "properties" => {}
+            "$ref" => check_schema(root, root.pointer(&rule.as_str().unwrap()[1..]).unwrap(), value, at)?,
+            "type" => {
+                let kind = match value {
+                    Value::Null => "null",
+                    Value::Bool(_) => "boolean",
+                    Value::Number(n) if n.is_u64() || n.is_i64() => "integer",
+                    Value::Number(_) => "number",
+                    Value::String(_) => "string",
+                    Value::Array(_) => "array",
+                    Value::Object(_) => "object",
+                };
+                let is = |name: &Value| name == kind || (name == "number" && kind == "integer");
+                if !rule.as_array().map_or_else(|| is(rule), |kinds| kinds.iter().any(is)) {
+                    return fail(format!("{kind} is not {rule}"));
+                }
+            }
+            "enum" if !rule.as_array().unwrap().contains(value) => {
+                return fail(format!("{value} is not of {rule}"));
+            }
+            "minimum" if value.is_number() && value.as_f64() < rule.as_f64() => {
+                return fail(format!("below {rule}"));
+            }
+            "maximum" if value.is_number() && value.as_f64() > rule.as_f64() => {
+                return fail(format!("above {rule}"));
+            }
+            "minItems" if value.as_array().is_some_and(|a| (a.len() as u64) < rule.as_u64().unwrap()) => {
+                return fail("too short".into());
+            }
+            "maxItems" if value.as_array().is_some_and(|a| a.len() as u64 > rule.as_u64().unwrap()) => {
+                return fail("too long".into());
+            }
+            "enum" | "minimum" | "maximum" | "minItems" | "maxItems" => {}
+            "items" => {
+                for (index, item) in value.as_array().into_iter().flatten().enumerate() {
+                    check_schema(root, rule, item, &format!("{at}[{index}]"))?;
+                }
+            }
+            "required" => {
+                for key in rule.as_array().unwrap() {
+                    if value.is_object() && value.get(key.as_str().unwrap()).is_none() {
+                        return fail(format!("{key} is missing"));
+                    }
+                }
+            }
+            "additionalProperties" => {
+                let known = |key: &str| schema["properties"].get(key).is_some();
+                for (key, value) in value.as_object().into_iter().flatten().filter(|(key, _)| !known(key)) {
+                    match rule {
+                        Value::Bool(false) => return fail(format!("{key} is unknown")),
+                        _ => check_schema(root, rule, value, &format!("{at}.{key}"))?,
+                    }
+                }
+            }
+            other => panic!("{at}: the schema uses `{other}`"),
+        }
+    }
+    for (key, rule) in schema.get("properties").and_then(Value::as_object).into_iter().flatten() {
+        if let Some(value) = value.get(key) {
+            check_schema(root, rule, value, &format!("{at}.{key}"))?;
+        }
+    }
+    Ok(())
 }

@@ -1,0 +1,548 @@
+//! Measures every setting with every seed against the reference. Seeds take turns over all settings, so that a machine
+//! that drifts drifts for all of them; what warms up is not counted.
+
+use super::answer::{answers, front_of};
+use super::data::{self, Chart, Failure, MetricInfo, PassTime, Point, Spread};
+use super::grid::Setting;
+use super::journal::{Entry, Header, Journal};
+use super::{Reference, picture, report, table};
+use crate::config::{Method, RenderConfig};
+use crate::metrics::{self, Errors, FlipMap};
+use crate::output::{self, Channels, Picture, magma};
+use crate::renderer::{self, FrameRequest, Progress, Renderer};
+use crate::scene::{Camera, SceneProfile};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// How a sweep is done.
+#[derive(Clone, Copy)]
+pub struct Sweep<'a> {
+    /// What is compared; all of one size.
+    pub settings: &'a [Setting],
+    /// What it is measured against.
+    pub reference: &'a Reference,
+    /// Where the scene is seen from.
+    pub camera: &'a Camera,
+    /// Seeds for each setting, from `seed` on; at least 1.
+    pub seeds: u32,
+    /// The first seed.
+    pub seed: u32,
+    /// As for [`FrameRequest::repeat`]. With 0 every setting is rendered small once before all others, so that no time
+    /// holds a compilation or the building of a structure.
+    pub repeat: u32,
+    /// Folder for the report, which is there.
+    pub folder: &'a Path,
+    /// When to begin no further measurement.
+    pub deadline: Option<Instant>,
+    /// Set to stop.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Told what is being done.
+    pub progress: Option<&'a dyn Fn(Progress<'_>)>,
+}
+
+/// Why a sweep ends without a chart. A setting that fails does not end it.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// What is common to all settings cannot be rendered.
+    #[error(transparent)]
+    Render(#[from] renderer::Error),
+    /// A file of the report cannot be read or written.
+    #[error(transparent)]
+    File(#[from] output::Error),
+    /// The folder holds measurements of something else.
+    #[error("{}: {problem}; take another folder (-o), or remove that file", file.display())]
+    Other {
+        /// The journal.
+        file: PathBuf,
+        /// What is different.
+        problem: String,
+    },
+}
+
+/// What finished measurements are kept in.
+pub const JOURNAL: &str = "journal.jsonl";
+
+/// Folder of pictures in the report's.
+pub const PICTURES: &str = "pictures";
+
+/// Files of a report beside its pictures.
+pub const FILES: [&str; 4] = ["data.json", "data.csv", "index.html", JOURNAL];
+
+/// What is measured, the one shown first first: key, label, sentence, whether it has a sign.
+const METRICS: [(&str, &str, &str, bool); 8] = [
+    (
+        "rel_mse",
+        "relMSE",
+        "Mean of squared errors over the reference's square: doubling the light of a pixel counts 1, wherever it is.",
+        false,
+    ),
+    (
+        "rel_mse_trimmed",
+        "relMSE, trimmed",
+        "Without the largest 0.1 % of its terms: fireflies put aside.",
+        false,
+    ),
+    ("flip", "HDR-FLIP", "What a person sees who flips between picture and reference, 0 to 1.", false),
+    ("mape", "MAPE", "Mean absolute error in proportion to the reference.", false),
+    ("smape", "SMAPE", "The same in proportion to the mean of picture and reference, 0 to 2.", false),
+    ("signed_bias", "bias", "Light that is lost (negative) or added, as a share of all light.", true),
+    (
+        "rmse",
+        "RMSE / peak",
+        "Root mean squared error over the reference's peak: PSNR is -20 log10 of it.",
+        false,
+    ),
+    ("dssim", "1 - SSIM", "Structure that is not the reference's.", false),
+];
+
+/// Measures, writing the report to the folder whenever every setting has one more seed, and at the end: `data.json`,
+/// `data.csv`, `index.html`, pictures, and [`JOURNAL`], from which another sweep of the same scene and folder goes on.
+///
+/// A sweep that is cancelled, or reaches its deadline, leaves a chart of what is finished.
+///
+/// # Errors
+/// The folder holds another chart, or a file of it cannot be written.
+pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
+    let header = header(renderer, sweep);
+    let file = sweep.folder.join(JOURNAL);
+    let mut journal = match Journal::open(&file, &header)? {
+        Ok(journal) => journal,
+        Err(problem) => return Err(Error::Other { file, problem }),
+    };
+    let pictures = sweep.folder.join(PICTURES);
+    fs::create_dir_all(&pictures).map_err(|source| output::Error { file: pictures, source })?;
+    let exposure = picture::exposure(&sweep.reference.layer.data);
+    let show = picture::display(&sweep.reference.layer.data, exposure);
+    write_jpeg(sweep, &reference_image(), &show)?;
+
+    let mut failures: BTreeMap<&str, String> = BTreeMap::new();
+    let mut steps = Steps::of(sweep, &journal);
+    let stopped = || sweep.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
+    let over = || stopped() || sweep.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    if sweep.repeat == 0 {
+        for setting in sweep.settings.iter().filter(|setting| steps.left(setting, &journal)) {
+            if over() {
+                break;
+            }
+            let [width, height] = setting.config.size;
+            let mut config = RenderConfig { size: [width.min(64), height.min(48)], ..setting.config.clone() };
+            config.path_trace.spp = 1;
+            let request = FrameRequest { cancel: sweep.cancel, ..FrameRequest::default() };
+            // What fails here fails again below, where it is told.
+            let _ = renderer.render(&config, sweep.camera, &request);
+        }
+    }
+    for turn in 0..sweep.seeds {
+        for setting in sweep.settings {
+            let config = RenderConfig { seed: sweep.seed.wrapping_add(turn), ..setting.config.clone() };
+            if journal.entries.iter().any(|entry| entry.config == config)
+                || failures.contains_key(setting.id.as_str())
+            {
+                continue;
+            }
+            if over() {
+                break;
+            }
+            match measure(renderer, sweep, setting, &config, &mut steps) {
+                Ok(Measured::Entry(entry)) => journal.add(*entry)?,
+                Ok(Measured::Cancelled) => break,
+                Ok(Measured::Failed(problem)) => drop(failures.insert(&setting.id, problem)),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        write(sweep, &chart(renderer, sweep, &journal, &failures))?;
+        if over() {
+            break;
+        }
+    }
+    let chart = chart(renderer, sweep, &journal, &failures);
+    if chart.complete {
+        forget_dominated(sweep, &chart);
+    }
+    Ok(chart)
+}
+
+fn header(renderer: &Renderer, sweep: &Sweep<'_>) -> Header {
+    let info = renderer.device().info();
+    Header {
+        parhelion: env!("CARGO_PKG_VERSION").into(),
+        scene: format!("{:016x}", renderer.scene().fingerprint(sweep.camera)),
+        size: [sweep.reference.layer.width, sweep.reference.layer.height],
+        device: info.name.clone(),
+        driver: info.driver(),
+        backend: renderer.backend().0.name().into(),
+        reference: sweep.reference.fingerprint(),
+    }
+}
+
+enum Measured {
+    Entry(Box<Entry>),
+    Failed(String),
+    Cancelled,
+}
+
+/// Renders one setting with one seed; pictures are of the first.
+fn measure(
+    renderer: &mut Renderer,
+    sweep: &Sweep<'_>,
+    setting: &Setting,
+    config: &RenderConfig,
+    steps: &mut Steps<'_>,
+) -> Result<Measured, output::Error> {
+    let progress = |progress: Progress<'_>| steps.report(setting, progress);
+    let request = FrameRequest {
+        repeat: sweep.repeat,
+        cancel: sweep.cancel,
+        progress: Some(&progress),
+        ..FrameRequest::default()
+    };
+    renderer.device().reset_peak();
+    let frame = match renderer.render(config, sweep.camera, &request) {
+        Ok(frame) => frame,
+        Err(renderer::Error::Cancelled) => return Ok(Measured::Cancelled),
+        Err(error) if error.exit_code() == 130 => return Ok(Measured::Cancelled),
+        Err(error) => return Ok(Measured::Failed(error.to_string())),
+    };
+    // A progressive picture that was cut short comes as if it were whole.
+    if sweep.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst)) {
+        return Ok(Measured::Cancelled);
+    }
+    steps.done += cost(config);
+    let (image, reference) = (&frame.beauty.data, &sweep.reference.layer.data);
+    if let Some(at) = image.iter().position(|value| !value.is_finite()) {
+        let width = frame.beauty.width as usize;
+        let (x, y, value) = (at / 3 % width, at / 3 / width, image[at]);
+        return Ok(Measured::Failed(format!("its picture is {value} at pixel {x},{y}")));
+    }
+    let (errors, map) = metrics::errors(image, reference, frame.beauty.width as usize, 3);
+    if config.seed == sweep.seed || !sweep.folder.join(image_key(setting)).exists() {
+        let exposure = picture::exposure(reference);
+        write_jpeg(sweep, &image_key(setting), &picture::display(image, exposure))?;
+        let FlipMap { map } = map.unwrap_or(FlipMap { map: Vec::new() });
+        let pixels: Vec<u8> = map.into_iter().flat_map(magma).collect();
+        write_jpeg(sweep, &error_key(setting), &pixels)?;
+        let [width, height] = config.size;
+        let channels = vec![Channels { names: ["R", "G", "B"].map(String::from).into(), data: image }];
+        let picture = Picture {
+            size: config.size,
+            window: [0, 0, width, height],
+            channels,
+            attributes: vec![("parhelion:setting", output::Attribute::Text(setting.label.clone()))],
+        };
+        output::write_exr(&sweep.folder.join(exr_name(setting)), &picture)?;
+    }
+    let pass = |pass: renderer::PassStats| Some(PassTime { path: pass.path, ms: pass.ms? });
+    Ok(Measured::Entry(Box::new(Entry {
+        config: config.clone(),
+        ms: frame.total_ms.unwrap_or(frame.wall_ms),
+        passes: frame.passes.into_iter().filter_map(pass).collect(),
+        rays: frame.rays,
+        device_bytes: frame.peak_device_bytes,
+        metrics: values(&errors),
+    })))
+}
+
+/// By the keys of [`METRICS`].
+fn values(errors: &Errors) -> BTreeMap<String, f64> {
+    let values = [
+        ("rel_mse", Some(errors.rel_mse)),
+        ("rel_mse_trimmed", Some(errors.rel_mse_trimmed)),
+        ("flip", errors.flip),
+        ("mape", Some(errors.mape)),
+        ("smape", Some(errors.smape)),
+        ("signed_bias", Some(errors.signed_bias)),
+        ("rmse", Some((errors.mse / (errors.peak * errors.peak)).sqrt())),
+        ("dssim", errors.ssim.map(|ssim| 1.0 - ssim)),
+    ];
+    values.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect()
+}
+
+/// The reference's own share of squared errors, by the same keys.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Noise(BTreeMap<&'static str, f64>);
+
+impl Noise {
+    pub(super) fn of(reference: &Reference) -> Self {
+        let peak = metrics::peak(&reference.layer.data);
+        let mse = |a: &[f32], b: &[f32]| metrics::mse(a, b) / (peak * peak);
+        let noise = [
+            ("rel_mse", reference.noise(metrics::rel_mse)),
+            ("rel_mse_trimmed", reference.noise(metrics::rel_mse_trimmed)),
+            ("rmse", reference.noise(mse)),
+        ];
+        Self(noise.into_iter().filter_map(|(key, value)| Some((key, value?))).collect())
+    }
+
+    /// A measured value without it: what is lower than a tenth of it says nothing.
+    pub(super) fn subtracted(&self, key: &str, value: f64) -> f64 {
+        let without = |square: f64, noise: f64| (square - noise).max(0.1 * square);
+        match self.0.get(key) {
+            Some(noise) if key == "rmse" => without(value * value, *noise).sqrt(),
+            Some(noise) => without(value, *noise),
+            None => value,
+        }
+    }
+
+    /// Whether an error stands ten times above it.
+    fn ranks(&self, rel_mse: f64) -> bool {
+        self.0.get("rel_mse").is_none_or(|noise| rel_mse >= 10.0 * noise)
+    }
+}
+
+fn chart(
+    renderer: &Renderer,
+    sweep: &Sweep<'_>,
+    journal: &Journal,
+    failures: &BTreeMap<&str, String>,
+) -> Chart {
+    let noise = Noise::of(sweep.reference);
+    let all = |setting: &Setting| -> Vec<&Entry> {
+        let seeds = (0..sweep.seeds).map(|turn| sweep.seed.wrapping_add(turn));
+        let configs = seeds.map(|seed| RenderConfig { seed, ..setting.config.clone() });
+        configs.filter_map(|config| journal.entries.iter().find(|entry| entry.config == config)).collect()
+    };
+    let measured: Vec<(&Setting, Vec<&Entry>)> =
+        sweep.settings.iter().map(|setting| (setting, all(setting))).collect();
+    let complete = measured.iter().all(|(setting, entries)| {
+        entries.len() as u32 == sweep.seeds || failures.contains_key(setting.id.as_str())
+    });
+    let points = measured.iter().filter_map(|(setting, entries)| point(setting, entries, &noise));
+    let mut points: Vec<Point> = points.collect();
+    for index in front_of(&points, "rel_mse") {
+        let point = &mut points[index];
+        let setting = sweep.settings.iter().find(|setting| setting.id == point.id);
+        let name = setting.map(exr_name).filter(|name| sweep.folder.join(name).exists());
+        point.exr = name;
+    }
+    let failed = |setting: &Setting| {
+        let error = failures.get(setting.id.as_str())?.clone();
+        Some(Failure { label: setting.label.clone(), error })
+    };
+    let info = renderer.device().info();
+    let scene = renderer.scene();
+    let info_of = |&(key, label, about, signed): &(&str, &str, &str, bool)| MetricInfo {
+        key: key.into(),
+        label: label.into(),
+        about: about.into(),
+        signed,
+    };
+    Chart {
+        schema: data::SCHEMA,
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.name.clone(),
+        fingerprint: format!("{:016x}", scene.fingerprint(sweep.camera)),
+        triangles: SceneProfile::of(scene, 0.0).triangles as u64,
+        camera: sweep.camera.name.clone(),
+        size: [sweep.reference.layer.width, sweep.reference.layer.height],
+        device: info.name.clone(),
+        driver: info.driver(),
+        backend: renderer.backend().0.name().into(),
+        reference: data::Reference {
+            about: sweep.reference.about.clone(),
+            spp: sweep.reference.spp,
+            noise: noise.0.get("rel_mse").copied(),
+            image: reference_image(),
+        },
+        metrics: METRICS.iter().map(info_of).collect(),
+        answers: answers(&points, noise.0.get("rel_mse").copied()),
+        points,
+        complete,
+        failures: sweep.settings.iter().filter_map(failed).collect(),
+        images: BTreeMap::new(),
+    }
+}
+
+fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> {
+    let first = entries.first()?;
+    let spread = |value: &dyn Fn(&Entry) -> Option<f64>| {
+        Spread::of(entries.iter().filter_map(|entry| value(entry)).collect())
+    };
+    let of = |key: &str| {
+        spread(&|entry| entry.metrics.get(key).map(|&value| noise.subtracted(key, value)))
+            .map(|spread| (key.to_owned(), spread))
+    };
+    let measured = spread(&|entry| entry.metrics.get("rel_mse").copied())?;
+    let time = |pass: &PassTime| {
+        let ms = |entry: &Entry| Some(entry.passes.iter().find(|other| other.path == pass.path)?.ms);
+        Some(PassTime { path: pass.path.clone(), ms: spread(&ms)?.median })
+    };
+    Some(Point {
+        id: setting.id.clone(),
+        method: setting.config.method.name().into(),
+        label: setting.label.clone(),
+        settings: setting.settings.clone(),
+        seeds: entries.len() as u32,
+        ms: spread(&|entry| Some(entry.ms))?,
+        passes: first.passes.iter().filter_map(time).collect(),
+        rays: first.rays,
+        device_bytes: entries.iter().map(|entry| entry.device_bytes).max()?,
+        metrics: METRICS.iter().filter_map(|(key, ..)| of(key)).collect(),
+        ranked: noise.ranks(measured.median),
+        general_ms: None,
+        image: image_key(setting),
+        error_image: error_key(setting),
+        exr: None,
+    })
+}
+
+impl Spread {
+    /// Of no measurements there is none.
+    #[must_use]
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let (&min, &max) = (values.first()?, values.last()?);
+        let middle = values.len() / 2;
+        let median =
+            if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) };
+        Some(Self { median, min, max })
+    }
+}
+
+fn reference_image() -> String {
+    format!("{PICTURES}/reference.jpg")
+}
+
+fn image_key(setting: &Setting) -> String {
+    format!("{PICTURES}/{}.jpg", setting.id)
+}
+
+fn error_key(setting: &Setting) -> String {
+    format!("{PICTURES}/{}-error.jpg", setting.id)
+}
+
+fn exr_name(setting: &Setting) -> String {
+    format!("{PICTURES}/{}.exr", setting.id)
+}
+
+/// Writes everything but pictures anew.
+fn write(sweep: &Sweep<'_>, chart: &Chart) -> Result<(), Error> {
+    let [json, csv, html, _] = FILES.map(|name| sweep.folder.join(name));
+    let text = serde_json::to_string_pretty(chart)
+        .map_err(|error| output::Error { file: json.clone(), source: error.into() })?;
+    output::write_file(&json, |out| writeln!(out, "{text}"))?;
+    output::write_file(&csv, |out| out.write_all(table::csv(chart).as_bytes()))?;
+    let keys = chart.points.iter().flat_map(|point| [&point.image, &point.error_image]);
+    let image = |key: &String| {
+        let bytes = fs::read(sweep.folder.join(key)).ok()?;
+        Some((key.clone(), picture::data_url(&bytes)))
+    };
+    let images = keys.chain([&chart.reference.image]).filter_map(image).collect();
+    let page = report::html(&Chart { images, ..chart.clone() });
+    output::write_file(&html, |out| out.write_all(page.as_bytes()))?;
+    Ok(())
+}
+
+fn write_jpeg(sweep: &Sweep<'_>, name: &str, pixels: &[u8]) -> Result<(), output::Error> {
+    let file = sweep.folder.join(name);
+    let jpeg = picture::jpeg(pixels, sweep.reference.layer.width)
+        .map_err(|source| output::Error { file: file.clone(), source })?;
+    output::write_file(&file, |out| out.write_all(&jpeg))
+}
+
+/// Linear pictures are kept of the front only.
+fn forget_dominated(sweep: &Sweep<'_>, chart: &Chart) {
+    for setting in sweep.settings {
+        let name = exr_name(setting);
+        if chart.points.iter().all(|point| point.exr.as_ref() != Some(&name)) {
+            // Gone already, where the sweep went on from an earlier one.
+            let _ = fs::remove_file(sweep.folder.join(name));
+        }
+    }
+}
+
+/// How much of the sweep is done, by a guess at what each setting costs.
+struct Steps<'a> {
+    sweep: &'a Sweep<'a>,
+    done: f64,
+    all: f64,
+}
+
+impl<'a> Steps<'a> {
+    fn of(sweep: &'a Sweep<'a>, journal: &Journal) -> Self {
+        let mut steps = Self { sweep, done: 0.0, all: 0.0 };
+        for setting in sweep.settings {
+            let left = (0..sweep.seeds).filter(|&turn| steps.unfinished(setting, turn, journal)).count();
+            steps.all += cost(&setting.config) * left as f64;
+        }
+        steps
+    }
+
+    fn unfinished(&self, setting: &Setting, turn: u32, journal: &Journal) -> bool {
+        let config = RenderConfig { seed: self.sweep.seed.wrapping_add(turn), ..setting.config.clone() };
+        journal.entries.iter().all(|entry| entry.config != config)
+    }
+
+    fn left(&self, setting: &Setting, journal: &Journal) -> bool {
+        (0..self.sweep.seeds).any(|turn| self.unfinished(setting, turn, journal))
+    }
+
+    fn report(&self, setting: &Setting, progress: Progress<'_>) {
+        if let Some(report) = self.sweep.progress {
+            let done = (self.done + cost(&setting.config) * progress.done) / self.all.max(f64::MIN_POSITIVE);
+            report(Progress { pass: &setting.label, done });
+        }
+    }
+}
+
+/// Rays a pixel, roughly.
+fn cost(config: &RenderConfig) -> f64 {
+    let side = f64::from(config.indirect.downsample * config.indirect.interleave);
+    match config.method {
+        Method::Path => 10.0 * f64::from(config.path_trace.spp),
+        Method::Igi => 5.0 + f64::from(config.vpl_shoot.vpls) / (side * side),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::renderer::Layer;
+
+    #[test]
+    fn the_median_lies_between_and_of_nothing_is_none() {
+        assert_eq!(Spread::of(vec![3.0, 1.0, 2.0]), Some(Spread { median: 2.0, min: 1.0, max: 3.0 }));
+        assert_eq!(Spread::of(vec![4.0, 1.0]), Some(Spread { median: 2.5, min: 1.0, max: 4.0 }));
+        assert_eq!(Spread::of(Vec::new()), None);
+    }
+
+    /// A picture that is the truth has the reference's noise for an error; one that is not has it on top.
+    #[test]
+    fn the_references_noise_is_taken_off_every_square() {
+        let count = 3 * 64 * 64;
+        let noise = |i: usize, salt: u64| {
+            let mut h = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ salt;
+            h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            ((h >> 40) as f64 / f64::from(1 << 24) - 0.5) as f32
+        };
+        let layer = |data| Layer { width: 64, height: 64, channels: 3, data };
+        let half = |salt| (0..count).map(|i| 1.0 + 0.2 * noise(i, salt)).collect::<Vec<f32>>();
+        let (a, b) = (half(0x1234_5678_9abc), half(0xfedc_ba98_7654));
+        let mean = a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect();
+        let reference = Reference {
+            layer: layer(mean),
+            halves: Some([layer(a), layer(b)]),
+            about: String::new(),
+            spp: None,
+        };
+        let found = Noise::of(&reference);
+        // Half the variance of a uniform number 0.2 wide.
+        let variance = 0.2_f64.powi(2) / 12.0 / 2.0;
+        assert!((found.0["rel_mse"] / (variance / 1.01) - 1.0).abs() < 0.05, "{found:?}");
+        let measure = |level: f32| metrics::rel_mse(&vec![level; count], &reference.layer.data);
+        assert!(!found.ranks(measure(1.0)) && found.ranks(measure(1.5)));
+        // 67 % too much before.
+        let error = found.subtracted("rel_mse", measure(1.05));
+        assert!((error / (0.0025 / 1.01) - 1.0).abs() < 0.2, "{error}");
+        assert!((found.subtracted("rel_mse", measure(1.0)) / measure(1.0) - 0.1).abs() < 1e-9);
+        let peak = metrics::peak(&reference.layer.data);
+        let rmse = metrics::mse(&vec![1.2; count], &reference.layer.data).sqrt() / peak;
+        assert!((found.subtracted("rmse", rmse) * peak / 0.2 - 1.0).abs() < 0.01);
+        assert_eq!(found.subtracted("flip", 0.5), 0.5);
+        let alone = Noise::of(&Reference { halves: None, ..reference });
+        assert!(alone.ranks(1e-9) && alone.subtracted("rel_mse", 0.25) == 0.25);
+    }
+}

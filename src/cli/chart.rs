@@ -1,0 +1,158 @@
+//! `parhelion chart`.
+
+use super::args::Chart;
+use super::progress::Reporter;
+use super::{Failure, input, interrupt, print, scene};
+use parhelion::chart::choose::Front;
+use parhelion::chart::sweep::{self, FILES};
+use parhelion::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
+use parhelion::config::{ConfigError, RenderConfig};
+use parhelion::output;
+use parhelion::renderer::{self, Renderer, RendererOptions};
+use parhelion::techniques::path_trace::PixelFilter;
+use parhelion::vk::{self, DeviceKind, DeviceOptions};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// Repeats on devices that are no CPU.
+const REPEAT: u32 = 5;
+
+/// Where the reference is kept in the report's folder.
+const REFERENCE: &str = "reference.exr";
+
+pub(super) fn run(args: &Chart) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let depth = args.reference_depth.unwrap_or(reference::DEPTH);
+    let base = base(args, depth)?;
+    let settings = grid::settings(&args.grid, &base).map_err(|error| input!("--grid: {error}"))?;
+    let folder = folder(args)?;
+    let given = args.reference.as_deref().map(|file| Reference::read(file, base.size));
+    let given = given.transpose().map_err(|error| input!("--reference: {error}"))?;
+    interrupt::listen()?;
+    let reporter = Reporter::new(&args.common);
+    let name = scene::name(&args.common);
+    let (scene, camera) = scene::load(&args.common, None, &reporter)?;
+
+    let select = args.common.device.clone();
+    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
+    reporter.stage("build", &name);
+    let options = RendererOptions { backend: args.common.backend.into(), ..RendererOptions::default() };
+    let mut renderer = Renderer::new(&device, scene, &options)?;
+    fs::create_dir_all(&folder).map_err(|source| output::Error { file: folder.clone(), source })?;
+
+    interrupt::heeded();
+    let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
+    let reference = match given {
+        Some(reference) => reference,
+        None => {
+            reporter.stage("reference", &name);
+            let request = ReferenceRequest {
+                camera: &camera,
+                size: base.size,
+                spp: args.reference_spp,
+                // Half of what there is, at most.
+                time: args.time_limit.map_or(reference::TIME, |limit| reference::TIME.min(limit / 2)),
+                depth,
+                file: &folder.join(REFERENCE),
+                cancel: Some(&interrupt::CANCEL),
+                progress: Some(&progress),
+            };
+            reference::reference(&mut renderer, &request)?
+        }
+    };
+    reporter.stage("chart", &name);
+    let repeat = args.repeat.unwrap_or(if device.info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
+    let sweep = Sweep {
+        settings: &settings,
+        reference: &reference,
+        camera: &camera,
+        seeds: args.seeds,
+        seed: base.seed,
+        repeat,
+        folder: &folder,
+        deadline: args.time_limit.and_then(|limit| begun.checked_add(limit)),
+        cancel: Some(&interrupt::CANCEL),
+        progress: Some(&progress),
+    };
+    let chart = chart::run(&mut renderer, &sweep)?;
+    // Settings are picked from it later; not from one that was measured against a picture of the user's own.
+    let size = chart.size;
+    if args.reference.is_none() && (chart.complete || Front::cached(&renderer, &camera, size).is_none()) {
+        Front::of_chart(&chart, size).remember(&renderer, &camera, size);
+    }
+    drop(reporter);
+    if interrupt::CANCEL.load(Ordering::SeqCst) {
+        return Err(renderer::Error::Cancelled.into());
+    }
+    if args.common.quiet {
+        return Ok(());
+    }
+    let mut text = chart.table();
+    if !chart.complete {
+        let done: u32 = chart.points.iter().map(|point| point.seeds).sum();
+        let all = settings.len() as u32 * args.seeds;
+        let _ = writeln!(text, "\nnot complete: {done} of {all} measurements; the same command goes on");
+    }
+    let _ = writeln!(text, "\n{}", folder.join(FILES[2]).display());
+    print(&text)
+}
+
+/// What every setting begins with. Paths begin at pixels' centres, as the other methods' do, and are as long as the
+/// reference's.
+fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
+    let mut base = RenderConfig::default();
+    base.size = args.common.size.unwrap_or(base.size);
+    base.seed = args.common.seed.unwrap_or(base.seed);
+    base.path_trace.pixel_filter = PixelFilter::Center;
+    base.path_trace.max_depth = Some(depth);
+    base.validate().map_err(|error| match error {
+        ConfigError::Value { key, problem } if key == "size" => input!("--size: {problem}"),
+        ConfigError::Value { problem, .. } => input!("--reference-depth: {problem}"),
+        error => error.into(),
+    })?;
+    Ok(base)
+}
+
+/// Where the report goes, known to be writable before anything is computed; made when there is something to write.
+fn folder(args: &Chart) -> Result<PathBuf, Failure> {
+    let folder = args.output.clone().unwrap_or_else(|| {
+        let mut name = scene::stem(&args.common);
+        name.push("-chart");
+        name.into()
+    });
+    match fs::metadata(&folder) {
+        Ok(metadata) if !metadata.is_dir() => {
+            return Err(input!("{}: a file; the report needs a folder (-o DIR)", folder.display()));
+        }
+        Ok(_) => {
+            for file in FILES {
+                output::check_writable(&folder.join(file)).map_err(Failure::input)?;
+            }
+        }
+        Err(_) => output::check_writable(&folder).map_err(Failure::input)?,
+    }
+    Ok(folder)
+}
+
+impl From<sweep::Error> for Failure {
+    fn from(error: sweep::Error) -> Self {
+        match error {
+            sweep::Error::Render(error) => error.into(),
+            sweep::Error::File(error) => error.into(),
+            other @ sweep::Error::Other { .. } => Self::input(other),
+        }
+    }
+}
+
+impl From<reference::ReferenceError> for Failure {
+    fn from(error: reference::ReferenceError) -> Self {
+        match error {
+            reference::ReferenceError::Render(error) => error.into(),
+            reference::ReferenceError::File(error) => error.into(),
+            other @ reference::ReferenceError::Unfit { .. } => Self::input(other),
+        }
+    }
+}

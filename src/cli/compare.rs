@@ -1,0 +1,146 @@
+//! `parhelion compare`.
+
+use super::args::Compare;
+use super::{Failure, extension, input, print};
+use parhelion::metrics::{self, Errors, FlipMap};
+use parhelion::output::{self, ReadPicture, magma};
+use std::fmt::Write;
+use std::path::Path;
+
+pub(super) fn run(args: &Compare) -> Result<(), Failure> {
+    if let Some(file) = &args.output {
+        if extension(file).as_deref() != Some("png") {
+            return Err(input!("{}: the error picture is written as .png", file.display()));
+        }
+        output::check_writable(file).map_err(Failure::input)?;
+    }
+    let image = read(&args.image)?;
+    let reference = read(&args.reference)?;
+    let (file, other) = (args.image.display(), args.reference.display());
+    let size = |[width, height]: [u32; 2]| format!("{width}x{height} pixels");
+    if image.size != reference.size {
+        return Err(input!("{file}: {}, {other} has {}", size(image.size), size(reference.size)));
+    }
+    if image.window != reference.window {
+        let (there, here) = (image.window, reference.window);
+        return Err(input!("{file}: holds the window {there:?}, {other} {here:?} (x0, y0, x1, y1)"));
+    }
+    let names = channels(&image, &args.image, args.layer.as_deref())?;
+    if let Some(name) = names.iter().find(|name| !reference.channels.contains_key(**name)) {
+        return Err(input!("{other}: no channel {name}, which {file} has; {}", there(&reference)));
+    }
+    let pixels = |picture: &ReadPicture, file: &Path| {
+        finite(picture, file, &names)?;
+        Ok::<_, Failure>(picture.interleaved(&names).unwrap_or_default())
+    };
+    let (a, b) = (pixels(&image, &args.image)?, pixels(&reference, &args.reference)?);
+
+    let width = (image.window[2] - image.window[0]) as usize;
+    let (errors, map) = metrics::errors(&a, &b, width, names.len());
+    let mut text = if args.json { json(args, &image, &names, &errors) } else { table(&errors) };
+    if let Some(file) = &args.output {
+        let (what, map) = match map {
+            Some(FlipMap { map }) => ("HDR-FLIP", map),
+            None => ("relative error", metrics::relative_errors(&a, &b, names.len())),
+        };
+        let mapping = format!("{what} from 0 to 1 in the colours of magma");
+        let pixels: Vec<u8> = map
+            .iter()
+            .flat_map(|&error| {
+                let [r, g, b] = magma(error);
+                [r, g, b, u8::MAX]
+            })
+            .collect();
+        let texts = [
+            ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
+            ("Error", mapping.clone()),
+        ];
+        output::write_png(file, width as u32, &pixels, &texts)?;
+        if !args.json {
+            let _ = writeln!(text, "{}: {mapping}", file.display());
+        }
+    }
+    print(&text)
+}
+
+fn read(file: &Path) -> Result<ReadPicture, Failure> {
+    output::read_exr(file).map_err(Failure::input)
+}
+
+/// The channels of a layer in order, or of the picture itself.
+fn channels<'a>(picture: &'a ReadPicture, file: &Path, layer: Option<&str>) -> Result<Vec<&'a str>, Failure> {
+    let has = |name: &String| picture.channels.get_key_value(name).map(|(name, _)| name.as_str());
+    let prefix = layer.map_or(String::new(), |layer| format!("{layer}."));
+    for suffixes in ["R G B", "X Y Z", "Y", "Z"] {
+        let found: Option<Vec<_>> =
+            suffixes.split(' ').map(|suffix| has(&format!("{prefix}{suffix}"))).collect();
+        if let Some(found) = found.filter(|_| layer.is_some() || suffixes == "R G B") {
+            return Ok(found);
+        }
+    }
+    // A layer of one channel that is named by itself, such as Z; depth is its name on the command line.
+    let alone = layer
+        .and_then(|layer| has(&layer.to_owned()).or_else(|| has(&"Z".into()).filter(|_| layer == "depth")));
+    alone.map(|name| vec![name]).ok_or_else(|| {
+        let file = file.display();
+        match layer {
+            Some(layer) => input!("--layer: {file}: no layer {layer}; {}", there(picture)),
+            None => input!("{file}: no channels R, G and B (--layer names others); {}", there(picture)),
+        }
+    })
+}
+
+fn there(picture: &ReadPicture) -> String {
+    let names: Vec<_> = picture.channels.keys().map(String::as_str).collect();
+    format!("there are {}", names.join(", "))
+}
+
+/// Refuses what no error can be measured of.
+fn finite(picture: &ReadPicture, file: &Path, names: &[&str]) -> Result<(), Failure> {
+    let [x0, y0, x1, _] = picture.window;
+    for name in names {
+        let values = &picture.channels[*name];
+        if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+            let width = (x1 - x0) as usize;
+            let (x, y) = (x0 as usize + index % width, y0 as usize + index / width);
+            let count = values.iter().filter(|value| !value.is_finite()).count();
+            let more = if count == 1 { String::new() } else { format!(", the first of {count}") };
+            let what = values[index];
+            return Err(input!("{}: channel {name} is {what} at pixel {x},{y}{more}", file.display()));
+        }
+    }
+    Ok(())
+}
+
+fn table(errors: &Errors) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(text, "{name:<10}{value}");
+    };
+    line("relMSE", format!("{:.6}", errors.rel_mse));
+    line("  trimmed", format!("{:.6} (without the largest 0.1 % of its terms)", errors.rel_mse_trimmed));
+    line("MAPE", format!("{:.3} %", 100.0 * errors.mape));
+    line("SMAPE", format!("{:.3} %", 100.0 * errors.smape));
+    line("bias", format!("{:+.3} %", 100.0 * errors.signed_bias));
+    line("PSNR", format!("{:.2} dB (peak {})", errors.psnr, errors.peak));
+    if let Some(ssim) = errors.ssim {
+        line("SSIM", format!("{ssim:.5}"));
+    }
+    if let Some(flip) = errors.flip {
+        line("HDR-FLIP", format!("{flip:.5}"));
+    }
+    text
+}
+
+fn json(args: &Compare, image: &ReadPicture, names: &[&str], errors: &Errors) -> String {
+    let object = serde_json::json!({
+        "parhelion": env!("CARGO_PKG_VERSION"),
+        "image": args.image.display().to_string(),
+        "reference": args.reference.display().to_string(),
+        "size": image.size,
+        "window": image.window,
+        "channels": names,
+        "errors": errors,
+    });
+    format!("{object:#}\n")
+}
