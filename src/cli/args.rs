@@ -4,6 +4,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
 use parhelion::config::{Method, PRESETS, Preset};
 use parhelion::renderer::{Aov, BackendChoice};
+use parhelion::stress;
 use parhelion::techniques::indirect::Visibility;
 use parhelion::techniques::tone_map::Operator;
 use parhelion::vk::Backend;
@@ -29,6 +30,8 @@ pub(super) enum Command {
     Chart(Box<Chart>),
     /// Measure how far a picture is from a reference.
     Compare(Compare),
+    /// Run every method on small scenes made to break it: what fails, by how much, and whether that is known.
+    Stress(Stress),
     /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
     Doctor(Doctor),
     /// Show the render graph of a frame, without rendering it.
@@ -40,9 +43,6 @@ pub(super) enum Command {
 pub(super) struct Common {
     /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
     pub(super) scene: Option<PathBuf>,
-    /// Width and height in pixels, each 1 to 16384 [default: 800x600].
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = size)]
-    pub(super) size: Option<[u32; 2]>,
     /// Camera of the scene, by name or index [default: the first].
     #[arg(long, value_name = "NAME|INDEX")]
     pub(super) camera: Option<String>,
@@ -61,6 +61,24 @@ pub(super) struct Common {
     /// Leave a scene without lights dark; otherwise one is put at the camera.
     #[arg(long)]
     pub(super) no_headlight: bool,
+    #[command(flatten)]
+    pub(super) machine: Machine,
+}
+
+impl std::ops::Deref for Common {
+    type Target = Machine;
+
+    fn deref(&self) -> &Machine {
+        &self.machine
+    }
+}
+
+/// What every command is asked that uses the device for a while, whatever it renders.
+#[derive(clap::Args)]
+pub(super) struct Machine {
+    /// Width and height in pixels, each 1 to 16384 [default: 800x600].
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = size)]
+    pub(super) size: Option<[u32; 2]>,
     /// Vulkan device [default: the best; `parhelion doctor` lists them].
     #[arg(long, value_name = "INDEX|NAME|UUID")]
     pub(super) device: Option<String>,
@@ -289,6 +307,19 @@ pub(super) struct Chart {
 }
 
 #[derive(clap::Args)]
+pub(super) struct Stress {
+    #[command(flatten)]
+    pub(super) machine: Machine,
+    /// Run this scene alone.
+    #[arg(long, value_name = "NAME", value_parser = stress_scenes())]
+    pub(super) only: Option<String>,
+    /// Folder for index.html, which shows every picture, and stress.json, made where it is missing [default: print
+    /// alone].
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
 pub(super) struct Compare {
     /// Picture to judge, linear radiance.
     #[arg(value_name = "A.exr")]
@@ -357,6 +388,10 @@ pub(super) enum ProgressWord {
 
 fn methods() -> PossibleValuesParser {
     PossibleValuesParser::new(Method::ALL.iter().map(|method| method.name()))
+}
+
+fn stress_scenes() -> PossibleValuesParser {
+    PossibleValuesParser::new(stress::cases().map(|case| case.name))
 }
 
 fn presets() -> PossibleValuesParser {

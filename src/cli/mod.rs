@@ -13,6 +13,7 @@ mod render;
 mod scene;
 mod settings;
 mod stats;
+mod stress;
 mod table;
 
 use clap::Parser;
@@ -93,6 +94,7 @@ pub(crate) fn main() -> ExitCode {
         args::Command::Paper(args) => paper::run(&args),
         args::Command::Chart(args) => chart::run(&args),
         args::Command::Compare(args) => compare::run(&args),
+        args::Command::Stress(args) => stress::run(&args),
         args::Command::Doctor(args) => doctor::run(&args),
         args::Command::Graph(args) => graph::run(&args),
     };

@@ -1,6 +1,6 @@
 //! What the user sees while waiting, and logs, which share stderr with it.
 
-use super::args::{Common, ProgressWord};
+use super::args::{Machine, ProgressWord};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parhelion::renderer::Progress;
 use std::cell::Cell;
@@ -23,7 +23,7 @@ pub(super) struct Reporter {
 
 impl Reporter {
     /// Starts progress and logs.
-    pub(super) fn new(args: &Common) -> Self {
+    pub(super) fn new(args: &Machine) -> Self {
         let json = args.progress == ProgressWord::Json;
         let terminal = io::stderr().is_terminal();
         let bar = match args.progress {

@@ -273,11 +273,11 @@ fn box_room(size: Vec3, materials: Vec<Material>, sides: [u32; 6], cells: u32) -
     scene(mesh, materials, size * Vec3::new(0.5, 0.6, 0.5), view)
 }
 
-fn look(eye: Vec3, target: Vec3) -> Camera {
+pub(crate) fn look(eye: Vec3, target: Vec3) -> Camera {
     Camera::look_at("camera", eye, target, FRAC_PI_3)
 }
 
-fn glass(name: &str, ior: f32, volume: Option<Volume>) -> Material {
+pub(crate) fn glass(name: &str, ior: f32, volume: Option<Volume>) -> Material {
     Material {
         name: name.into(),
         metallic: 0.0,
@@ -290,7 +290,7 @@ fn glass(name: &str, ior: f32, volume: Option<Volume>) -> Material {
     }
 }
 
-fn scene(mesh: Mesh, materials: Vec<Material>, light: Vec3, camera: Camera) -> Scene {
+pub(crate) fn scene(mesh: Mesh, materials: Vec<Material>, light: Vec3, camera: Camera) -> Scene {
     Scene {
         instances: vec![Instance { name: mesh.name.clone(), mesh: 0, transform: Affine3A::IDENTITY }],
         meshes: vec![mesh],
@@ -307,7 +307,7 @@ fn scene(mesh: Mesh, materials: Vec<Material>, light: Vec3, camera: Camera) -> S
     }
 }
 
-fn triangle_of(mesh: &mut Mesh, corners: [Vec3; 3], material: u32) {
+pub(crate) fn triangle_of(mesh: &mut Mesh, corners: [Vec3; 3], material: u32) {
     let first = mesh.positions.len() as u32;
     mesh.positions.extend(corners);
     mesh.triangles.push([first, first + 1, first + 2]);
@@ -315,7 +315,7 @@ fn triangle_of(mesh: &mut Mesh, corners: [Vec3; 3], material: u32) {
 }
 
 /// A parallelogram of `cells` × `cells` quads, its front along `u` × `v`.
-fn grid(mesh: &mut Mesh, origin: Vec3, u: Vec3, v: Vec3, cells: u32, material: u32) {
+pub(crate) fn grid(mesh: &mut Mesh, origin: Vec3, u: Vec3, v: Vec3, cells: u32, material: u32) {
     let first = mesh.positions.len() as u32;
     let row = cells + 1;
     for j in 0..row {
@@ -333,7 +333,7 @@ fn grid(mesh: &mut Mesh, origin: Vec3, u: Vec3, v: Vec3, cells: u32, material: u
 }
 
 /// The six sides of a box seen from inside: floor, ceiling, low z, high z, low x, high x.
-fn box_faces(mesh: &mut Mesh, low: Vec3, size: Vec3, materials: [u32; 6], cells: u32) {
+pub(crate) fn box_faces(mesh: &mut Mesh, low: Vec3, size: Vec3, materials: [u32; 6], cells: u32) {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * size);
     for ((origin, u, v), material) in
         [(low, z, x), (low + y, x, z), (low, x, y), (low + z, y, x), (low, y, z), (low + x, z, y)]
@@ -345,7 +345,7 @@ fn box_faces(mesh: &mut Mesh, low: Vec3, size: Vec3, materials: [u32; 6], cells:
 }
 
 /// A solid box seen from outside.
-fn block(mesh: &mut Mesh, low: Vec3, high: Vec3, material: u32) {
+pub(crate) fn block(mesh: &mut Mesh, low: Vec3, high: Vec3, material: u32) {
     let first = mesh.triangles.len();
     box_faces(mesh, low, high - low, [material; 6], 1);
     for triangle in &mut mesh.triangles[first..] {
