@@ -9,22 +9,21 @@ layout(local_size_x = 64) in;
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
 layout(set = 1, binding = 3, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 4, scalar) writeonly buffer Parts { vec3 data[]; } parts;
 layout(set = 1, binding = 5, scalar) readonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
 layout(set = 1, binding = 6, scalar) readonly buffer Order { uint at[]; } order;
-layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint first; uint last; float min_distance; } params;
+layout(push_constant, scalar) uniform Params { uint capacity; uint first; uint last; float min_distance; } params;
 
 #include "whitted/sources.glsl"
 
 void main() {
     uint index = gl_GlobalInvocationID.x, part = gl_WorkGroupID.y;
     uint listed = min(args.points, params.capacity);
-    uint last = min(params.last, source_count()), widest = min(params.last - params.first, source_count());
+    uint last = min(params.last, source_count());
     if (index >= listed || params.first >= last) return;
-    uint share = share_of(listed, widest, params.room);
-    uint source = params.first + part * share;
+    uint source = params.first + part * args.share;
     if (source >= last) return;
     uint rays = 0u;
     uint point = order.at[index];
@@ -32,7 +31,7 @@ void main() {
     Lit lit;
     if (GLOSSY) lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
-    uint end = min(source + share, last);
+    uint end = min(source + args.share, last);
     parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);
     count_rays(COUNT_SPECULAR_LIGHT, rays);
 }

@@ -3,7 +3,6 @@
 #define WHITTED_REACHED_GLSL
 
 #include "lib/receiver.glsl"
-#include "shared/profile.glsl"
 
 const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of one workgroup of light.comp
@@ -22,12 +21,5 @@ struct Seen {
     vec3 to_viewer;
     uint seed;
 };
-
-// How many of `sources`, those of the widest range, a thread takes, for a list so long and room for so many sums: one, a
-// group or all. To read a glossy surface takes longer than a ray.
-uint share_of(uint listed, uint sources, uint room) {
-    if (!GLOSSY && listed <= room / sources) return 1u;
-    return listed <= room / ((sources + GROUP - 1u) / GROUP) ? GROUP : sources;
-}
 
 #endif

@@ -5,10 +5,11 @@
 // cells of the points' bounding box. The order never shows. Says how many threads share a point, too.
 const uint THREADS = 256u;
 layout(local_size_x = THREADS) in;
+#include "shared/profile.glsl"
 #include "shared/scene.glsl"
 #include "whitted/reached.glsl"
 
-layout(set = 1, binding = 0, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
+layout(set = 1, binding = 0, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
 layout(set = 1, binding = 1, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 2, scalar) writeonly buffer Order { uint at[]; } order;
 layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
@@ -42,13 +43,20 @@ uint bin_of(uint point) {
     return (cell.z * CELLS.x + x) * CELLS.y + y;
 }
 
+// How many of `sources`, those of the widest range, a thread takes, for a list so long: one, a group or all. To read a
+// glossy surface takes longer than a ray.
+uint share_of(uint listed, uint sources) {
+    if (!GLOSSY && listed <= params.room / sources) return 1u;
+    return listed <= params.room / ((sources + GROUP - 1u) / GROUP) ? GROUP : sources;
+}
+
 void main() {
     uint thread = gl_LocalInvocationIndex;
     uint listed = min(args.points, params.capacity);
     if (thread == 0u) {
         uint widest = min(params.range, scene.light_count + scene.light_samples + count.vpls);
-        uint share = share_of(listed, max(widest, 1u), params.room);
-        args.shares = (widest + share - 1u) / share;
+        args.share = share_of(listed, max(widest, 1u));
+        args.shares = (widest + args.share - 1u) / args.share;
         args.collect_groups = args.groups;
     }
     if (thread < 3u) {

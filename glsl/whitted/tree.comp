@@ -19,7 +19,7 @@ layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_emitted;
 layout(set = 1, binding = 5, r32ui) uniform writeonly uimage2D out_last;
 layout(set = 1, binding = 6, scalar) writeonly buffer Points { Reached data[]; } points;
-layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; } args;
+layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
 layout(set = 1, binding = 8, scalar) writeonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
 layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
 

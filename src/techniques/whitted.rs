@@ -117,7 +117,8 @@ pub fn tree(
             let known = if k.glossy() || k.area_lights() { capacity } else { 1 };
             let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
-            let args = g.buffer_with("light_args", bytemuck::cast_slice(&[0_u32, 0, 1, 0, 0, 1, 1]).to_vec());
+            let args =
+                g.buffer_with("light_args", bytemuck::cast_slice(&[0_u32, 0, 1, 0, 0, 1, 1, 0]).to_vec());
             let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
             g.pass(
                 "tree",
@@ -166,17 +167,16 @@ pub fn specular(
     let &Reflections { emitted, last, points, seen, args, order, capacity, min_distance } = reflections;
     let sources = config.sources(k, vpls);
     g.group("whitted", |g| {
-        let room = room(capacity);
-        let parts = g.buffer("parts", u64::from(room) * 12);
+        let parts = g.buffer("parts", u64::from(room(capacity)) * 12);
         let (vpls, count) = (vpls.list, vpls.count);
         let grid = Grid::Indirect { buffer: args, offset: 0 };
         for first in (0..sources).step_by(RANGE as usize) {
             let range = first + RANGE;
             let bind = light::Bind { vpls, count, args, points, parts, seen, order };
-            let params = light::Params { capacity, room, first, last: range, min_distance };
+            let params = light::Params { capacity, first, last: range, min_distance };
             g.pass("light", &light::kernel(&k.scene), bind, params, grid);
             let bind = collect::Bind { count, args, parts, points, order };
-            let params = collect::Params { capacity, room, first, last: range };
+            let params = collect::Params { capacity, first, last: range };
             let grid = Grid::Indirect { buffer: args, offset: 16 };
             g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
         }
