@@ -56,38 +56,9 @@ pub(super) fn jpeg(pixels: &[u8], width: u32) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A `data:` URL of a JPEG.
-pub(super) fn data_url(jpeg: &[u8]) -> String {
-    format!("data:image/jpeg;base64,{}", base64(jpeg))
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = (0..3).fold(0_u32, |word, i| word << 8 | u32::from(chunk.get(i).copied().unwrap_or(0)));
-        for digit in 0..4 {
-            let shown = digit <= chunk.len();
-            text.push(if shown { DIGITS[(word >> (18 - 6 * digit)) as usize & 63].into() } else { '=' });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The test vectors of RFC 4648.
-    #[test]
-    fn base64_is_the_standards() {
-        for (bytes, text) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-        assert_eq!(base64(&[0xfb, 0xff, 0xbf]), "+/+/");
-    }
 
     #[test]
     fn a_jpeg_shows_its_pixels() {
@@ -96,6 +67,6 @@ mod tests {
         let read = image::load_from_memory(&bytes).unwrap().to_rgb8();
         assert_eq!(read.dimensions(), (32, 16));
         assert!(read.iter().zip(&pixels).all(|(a, b)| a.abs_diff(*b) <= 3));
-        assert!(data_url(&bytes).starts_with("data:image/jpeg;base64,/9j/"));
+        assert!(crate::page::data_url("image/jpeg", &bytes).starts_with("data:image/jpeg;base64,/9j/"));
     }
 }

@@ -9,6 +9,7 @@ use super::{Reference, picture, report, table};
 use crate::config::{Method, RenderConfig};
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, Channels, Picture, magma};
+use crate::page;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::{Camera, SceneProfile};
 use std::collections::BTreeMap;
@@ -428,7 +429,7 @@ fn write(sweep: &Sweep<'_>, chart: &Chart) -> Result<(), Error> {
     let keys = chart.points.iter().flat_map(|point| [&point.image, &point.error_image]);
     let image = |key: &String| {
         let bytes = fs::read(sweep.folder.join(key)).ok()?;
-        Some((key.clone(), picture::data_url(&bytes)))
+        Some((key.clone(), page::data_url("image/jpeg", &bytes)))
     };
     let images = keys.chain([&chart.reference.image]).filter_map(image).collect();
     let page = report::html(&Chart { images, ..chart.clone() });

@@ -2,7 +2,7 @@
 
 use super::args::Chart;
 use super::progress::Reporter;
-use super::{Failure, input, interrupt, print, scene};
+use super::{Failure, check_folder, input, interrupt, print, scene};
 use parhelion::chart::choose::Front;
 use parhelion::chart::sweep::{self, FILES};
 use parhelion::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
@@ -123,17 +123,7 @@ fn folder(args: &Chart) -> Result<PathBuf, Failure> {
         name.push("-chart");
         name.into()
     });
-    match fs::metadata(&folder) {
-        Ok(metadata) if !metadata.is_dir() => {
-            return Err(input!("{}: a file; the report needs a folder (-o DIR)", folder.display()));
-        }
-        Ok(_) => {
-            for file in FILES {
-                output::check_writable(&folder.join(file)).map_err(Failure::input)?;
-            }
-        }
-        Err(_) => output::check_writable(&folder).map_err(Failure::input)?,
-    }
+    check_folder(&folder, "report", FILES)?;
     Ok(folder)
 }
 

@@ -22,6 +22,7 @@ use parhelion::renderer;
 use parhelion::scene::{LoadOptions, Scene, SceneError, builtin};
 use parhelion::{denoise, output, vk};
 use std::ffi::OsStr;
+use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -128,4 +129,21 @@ fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
 /// A file name's extension in lower case.
 fn extension(file: &Path) -> Option<String> {
     file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase)
+}
+
+/// Checks, before anything is computed, that a folder for a `report` can hold `files`; it may have to be made.
+fn check_folder<F: AsRef<Path>>(
+    folder: &Path,
+    report: &str,
+    files: impl IntoIterator<Item = F>,
+) -> Result<(), Failure> {
+    match fs::metadata(folder) {
+        Ok(metadata) if !metadata.is_dir() => {
+            Err(input!("{}: a file; the {report} needs a folder (-o DIR)", folder.display()))
+        }
+        Ok(_) => files
+            .into_iter()
+            .try_for_each(|file| output::check_writable(&folder.join(file)).map_err(Failure::input)),
+        Err(_) => output::check_writable(folder).map_err(Failure::input),
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::args::Paper;
 use super::progress::Reporter;
-use super::{Failure, input, interrupt, print, scene};
+use super::{Failure, check_folder, input, interrupt, print, scene};
 use parhelion::config::{ConfigError, RenderConfig};
 use parhelion::output;
 use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
@@ -68,18 +68,12 @@ fn folder(args: &Paper) -> Result<PathBuf, Failure> {
         name.push("-paper");
         name.into()
     });
-    match fs::metadata(&folder) {
-        Ok(metadata) if !metadata.is_dir() => {
-            return Err(input!("{}: a file; the report needs a folder (-o DIR)", folder.display()));
-        }
-        Ok(_) => {
-            let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
-            for file in ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures) {
-                output::check_writable(&folder.join(file)).map_err(Failure::input)?;
-            }
-        }
-        Err(_) => output::check_writable(&folder).map_err(Failure::input)?,
-    }
+    let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
+    check_folder(
+        &folder,
+        "report",
+        ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures),
+    )?;
     Ok(folder)
 }
 

@@ -2,7 +2,7 @@
 
 use super::args::Stress;
 use super::progress::Reporter;
-use super::{Failure, input, interrupt, print};
+use super::{Failure, check_folder, input, interrupt, print};
 use parhelion::config::SIZE_RANGE;
 use parhelion::output;
 use parhelion::renderer::Progress;
@@ -22,7 +22,7 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
         return Err(input!("--size: {side} is not within {} … {}", SIZE_RANGE.start(), SIZE_RANGE.end()));
     }
     if let Some(folder) = &args.output {
-        check(folder)?;
+        check_folder(folder, "page", [PAGE, NUMBERS])?;
     }
     interrupt::listen()?;
     let reporter = Reporter::new(&args.machine);
@@ -57,19 +57,6 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
             let all = stress.rows.len();
             Err(Failure { code: 1, error: anyhow::anyhow!("{failed} of {all} results fail unexpectedly") })
         }
-    }
-}
-
-/// Whether the files can be written, known before anything is computed.
-fn check(folder: &Path) -> Result<(), Failure> {
-    match fs::metadata(folder) {
-        Ok(metadata) if !metadata.is_dir() => {
-            Err(input!("{}: a file; the page needs a folder (-o DIR)", folder.display()))
-        }
-        Ok(_) => [PAGE, NUMBERS]
-            .into_iter()
-            .try_for_each(|file| output::check_writable(&folder.join(file)).map_err(Failure::input)),
-        Err(_) => output::check_writable(folder).map_err(Failure::input),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Small pictures for the page.
 
 use super::lab::Plate;
+use crate::page;
 use crate::renderer::Layer;
 
 /// What to multiply radiance with: the mean of the last picture, which is the reference where there is one, becomes
@@ -24,41 +25,12 @@ pub(super) fn data_url(layer: &Layer, scale: f32) -> String {
     encoder.set_color(png::ColorType::Rgb);
     let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
     written.expect("whole rows of three channels, into memory");
-    format!("data:image/png;base64,{}", base64(&bytes))
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = (0..3).fold(0_u32, |word, i| word << 8 | u32::from(chunk.get(i).copied().unwrap_or(0)));
-        for digit in 0..4 {
-            let shown = digit <= chunk.len();
-            text.push(if shown { DIGITS[(word >> (18 - 6 * digit)) as usize & 63].into() } else { '=' });
-        }
-    }
-    text
+    page::data_url("image/png", &bytes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The test vectors of RFC 4648.
-    #[test]
-    fn base64_is_the_standards() {
-        for (bytes, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-        ] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-        assert_eq!(base64(&[0xfb, 0xff, 0xbf]), "+/+/");
-    }
 
     #[test]
     fn the_last_picture_sets_the_exposure() {
