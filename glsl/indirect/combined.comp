@@ -29,14 +29,18 @@ layout(push_constant) uniform Params { float reach; float least_cosine; } params
 vec4 subset_sum(uint subset, Point p, vec2 centre, float radius, float reach) {
     vec4 sum = vec4(0.0);
     ivec2 size = imageSize(gathered);
-    ivec2 low = max(ivec2(ceil(centre - radius)), ivec2(0)), high = min(ivec2(floor(centre + radius)), size - 1);
     uvec2 first = first_cell();
-    uvec2 tile_low = (first + uvec2(low)) / INTERLEAVE, tile_high = (first + uvec2(high)) / INTERLEAVE;
-    for (uint y = tile_low.y; y <= tile_high.y; ++y) {
-        for (uint x = tile_low.x; x <= tile_high.x; ++x) {
-            uvec2 cell = INTERLEAVE > 1u ? cell_of(uvec2(x, y), subset) : uvec2(x, y);
+    ivec2 low = max(ivec2(ceil(centre - radius)), ivec2(0)), high = min(ivec2(floor(centre + radius)), size - 1);
+    // The tiles whose sample may lie between; in regular ones it has the same place everywhere.
+    const bool shuffled = IRREGULAR && INTERLEAVE > 1u;
+    uvec2 place = shuffled ? uvec2(0u) : uvec2(subset % INTERLEAVE, subset / INTERLEAVE);
+    uvec2 tile_low = (first + uvec2(low) + (shuffled ? 0u : INTERLEAVE - 1u) - place) / INTERLEAVE;
+    uvec2 tile_end = (first + uvec2(high) + INTERLEAVE - place) / INTERLEAVE;
+    for (uint y = tile_low.y; y < tile_end.y; ++y) {
+        for (uint x = tile_low.x; x < tile_end.x; ++x) {
+            uvec2 cell = shuffled ? cell_of(uvec2(x, y), subset) : uvec2(x, y) * INTERLEAVE + place;
             ivec2 at = ivec2(cell - first);
-            if (any(lessThan(at, low)) || any(greaterThan(at, high))) continue;
+            if (shuffled && (any(lessThan(at, low)) || any(greaterThan(at, high)))) continue;
             vec2 fall = clamp(radius - abs(vec2(at) - centre), 0.0, 1.0);
             ivec2 other = sample_pixel(cell);
             vec4 there = imageLoad(normal_depth, other);

@@ -192,11 +192,12 @@ bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool 
             if (t == t_max && (best == none || precedes(triangle_id(triangles, best), id))) continue;
             if (ALPHA_MASK && floatBitsToUint(c.w) != 0u && alpha_hole(id.x, id.y, t_barycentrics.yz)) continue;
             best = at;
-            // A return from here is lost on some lanes by Mesa 22.3's lavapipe.
+            // A return from here is lost on some lanes by Mesa 22.3's lavapipe; in the loop's condition the test is 1 % slower.
             if (any_hit) break;
             t_max = t;
         }
-    } while ((!any_hit || best == none) && proceed(group, top));
+        if (any_hit && best != none) break;
+    } while (proceed(group, top));
     if (any_hit || best == none) return best != none;
 
     // Barycentrics are worked out again rather than kept in registers all along.
