@@ -234,6 +234,10 @@ fn bad_usage_exits_with_2_names_the_option_and_touches_nothing() {
         (&["paper", "--camera", "a", "--eye", "0,0,1", "--look-at", "0,0,0"], &["--camera", "--eye"]),
         (&["graph", "-o", "a.svg"], &["a.svg", ".dot"]),
         (&["graph", "--method", "magic"], &["--method"]),
+        (&["graph", "--preset", "magic"], &["--preset", "paper-canonical"]),
+        (&["graph", "--config", "missing.toml"], &["missing.toml"]),
+        (&["graph", "-D", "vpls=90"], &["-D vpls=90", "vpl_shoot.vpls"]),
+        (&["graph", "-D", "vpl_shoot.vpls=0"], &["-D vpl_shoot.vpls=0"]),
     ] {
         let output = folder.run(args);
         let message = stderr(&output);
@@ -810,6 +814,31 @@ fn only_the_papers_own_scenes_stand_beside_its_numbers() {
     assert!(report["rows"].as_array().unwrap().iter().all(|row| row["published"].is_null()));
     let text = std::fs::read_to_string(folder.path().join("report/paper.md")).unwrap();
     assert!(!text.contains("paper: fps") && table_rows(&text, "Time").len() == 15, "{text}");
+}
+
+/// As `render` takes settings: a file, a preset over it, assignments over that, options over all.
+#[test]
+fn a_graph_is_that_of_its_settings() {
+    let folder = Folder::with_wall();
+    folder.write("path.toml", "method = 'path'\nindirect.downsample = 2\n");
+    let shown = |args: &[&str]| {
+        let output = folder.run(&[&["graph", "wall.gltf"], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    let (plain, path) = (shown(&[]), shown(&["--method", "path"]));
+    let fast = shown(&["--preset", "fast"]);
+    assert!(plain != path && plain != fast && fast.contains("indirect/"));
+    assert_eq!(shown(&["--method", "igi"]), plain);
+    assert_eq!(shown(&["-D", "method=path"]), path);
+    assert_eq!(shown(&["--config", "path.toml"]), path);
+    let halved = shown(&["--config", "path.toml", "--method", "igi"]);
+    assert_eq!(halved, shown(&["-D", "indirect.downsample=2"]));
+    assert_ne!(halved, plain);
+    assert_eq!(shown(&["--config", "path.toml", "-D", "method=igi", "-D", "indirect.downsample=1"]), plain);
+    assert_eq!(shown(&["--config", "path.toml", "--preset", "fast", "--method", "igi"]), fast);
+    let off = ["-D", "indirect.downsample=1", "-D", "indirect.interleave=1"];
+    assert_eq!(shown(&[&["--preset", "fast"], &off[..]].concat()), shown(&["--preset", "paper-canonical"]));
 }
 
 #[test]

@@ -127,6 +127,20 @@ const CHOSEN: [&str; 24] = [
     "crop",
 ];
 
+/// Settings by file, name and key, which win over each other in this order.
+#[derive(clap::Args)]
+pub(super) struct Settings {
+    /// Settings from a file; options given here win over it.
+    #[arg(long, value_name = "FILE.toml")]
+    pub(super) config: Option<PathBuf>,
+    /// Settings under one name; -D and options of their own win over it.
+    #[arg(long, value_name = "NAME", value_parser = presets())]
+    pub(super) preset: Option<String>,
+    /// One setting by its key, such as vpl_shoot.vpls=90; repeatable, wins over --config.
+    #[arg(short = 'D', value_name = "KEY=VALUE")]
+    pub(super) define: Vec<String>,
+}
+
 #[derive(clap::Args)]
 pub(super) struct Render {
     #[command(flatten)]
@@ -156,9 +170,8 @@ pub(super) struct Render {
     /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = distance)]
     pub(super) min_distance: Option<f32>,
-    /// Settings under one name; -D and options of their own win over it.
-    #[arg(long, value_name = "NAME", value_parser = presets())]
-    pub(super) preset: Option<String>,
+    #[command(flatten)]
+    pub(super) settings: Settings,
     /// Gather indirect light at one pixel in NxN [default: 1, every pixel].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) downsample: Option<u32>,
@@ -239,12 +252,6 @@ pub(super) struct Render {
     /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) pixel_samples: Option<u32>,
-    /// Settings from a file; options given here win over it.
-    #[arg(long, value_name = "FILE.toml")]
-    pub(super) config: Option<PathBuf>,
-    /// One setting by its key, such as vpl_shoot.vpls=90; repeatable, wins over --config.
-    #[arg(short = 'D', value_name = "KEY=VALUE")]
-    pub(super) define: Vec<String>,
     /// Render N times after warming up, and report medians.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(super) repeat: Option<u32>,
@@ -349,9 +356,11 @@ pub(super) struct Doctor {
 pub(super) struct Graph {
     /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
     pub(super) scene: Option<PathBuf>,
-    /// Method whose frame is shown.
-    #[arg(long, value_parser = methods(), default_value = Method::default().name())]
-    pub(super) method: String,
+    /// Method whose frame is shown [default: igi].
+    #[arg(long, value_parser = methods())]
+    pub(super) method: Option<String>,
+    #[command(flatten)]
+    pub(super) settings: Settings,
     /// .dot (Graphviz) or .json [default: .dot to stdout].
     #[arg(short, long = "output", value_name = "FILE")]
     pub(super) output: Option<PathBuf>,
@@ -504,6 +513,8 @@ mod tests {
         let help = command.find_subcommand_mut("render").unwrap().render_long_help().to_string();
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         let [width, height] = config.size;
+        let graph = command.find_subcommand_mut("graph").unwrap().render_long_help().to_string();
+        assert!(graph.contains(&format!("[default: {}]", config.method.name())), "{graph}");
         for (option, default) in [
             ("--size", format!("{width}x{height}")),
             ("--method", config.method.name().into()),

@@ -1,7 +1,6 @@
 //! `parhelion graph`.
 
 use super::{Failure, args, extension, input, load, print};
-use parhelion::config::RenderConfig;
 use parhelion::graph::Typical;
 use parhelion::{output, renderer};
 use std::io::Write;
@@ -14,8 +13,7 @@ pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {
         }
         output::check_writable(file).map_err(Failure::input)?;
     }
-    let mut config = RenderConfig::default();
-    config.apply_override(&format!("method={}", args.method))?;
+    let config = args.settings.with(&[("--method", "method", args.method.clone())])?;
     let scene = load(args.scene.as_deref(), None)?;
     let plan = renderer::plan(&scene, &config, &[], &Typical)?;
     match kind {

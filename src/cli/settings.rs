@@ -1,25 +1,70 @@
 //! The configuration: a file, then a preset, then assignments, then options, each winning over what came before.
 
-use super::args::Render;
+use super::args::{Render, Settings};
 use super::{Failure, input};
 use parhelion::config::{ConfigError, MAX_SPP, Method, RenderConfig};
 
+/// What an option sets: its word, its key and, where it is given, its value.
+pub(super) type Assignment = (&'static str, &'static str, Option<String>);
+
+impl Settings {
+    /// What the file says.
+    fn read(&self) -> Result<RenderConfig, Failure> {
+        match &self.config {
+            Some(file) => Ok(RenderConfig::from_toml(file)?),
+            None => Ok(RenderConfig::default()),
+        }
+    }
+
+    /// The preset, the assignments, then the options.
+    fn apply(&self, config: &mut RenderConfig, options: &[Assignment]) -> Result<(), Failure> {
+        if let Some(preset) = &self.preset {
+            config.apply_preset(preset)?;
+        }
+        for assignment in &self.define {
+            config.apply_override(assignment).map_err(|error| input!("-D {assignment}: {error}"))?;
+        }
+        for (option, key, value) in options {
+            if let Some(value) = value {
+                config
+                    .apply_override(&format!("{key}={value}"))
+                    .map_err(|error| input!("{option}: {error}"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks ranges; errors name what set the value.
+    fn check(&self, config: &RenderConfig, options: &[Assignment]) -> Result<(), Failure> {
+        config.validate().map_err(|error| {
+            let ConfigError::Value { key, problem } = &error else { return error.into() };
+            let option = options.iter().find(|(_, name, value)| name == key && value.is_some());
+            let assignment = self.define.iter().rev().find(|assignment| assignment.starts_with(key));
+            match (option, assignment, &self.config) {
+                (Some((option, ..)), ..) => input!("{option}: {problem}"),
+                (_, Some(assignment), _) => input!("-D {assignment}: {problem}"),
+                (_, _, Some(file)) => input!("{}: {error}", file.display()),
+                _ => error.into(),
+            }
+        })
+    }
+
+    /// Builds and checks the configuration where `options` are all that is said beside.
+    pub(super) fn with(&self, options: &[Assignment]) -> Result<RenderConfig, Failure> {
+        let mut config = self.read()?;
+        self.apply(&mut config, options)?;
+        self.check(&config, options)?;
+        Ok(config)
+    }
+}
+
 /// Builds and checks the configuration; errors name the option, assignment or file they come from.
 pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
-    let mut config = match &args.config {
-        Some(file) => RenderConfig::from_toml(file)?,
-        None => RenderConfig::default(),
-    };
+    let mut config = args.settings.read()?;
     // One limit needs no other, unless it is given.
     let limited = args.time.is_some() || args.noise.is_some();
     if limited && config.path_trace.spp == RenderConfig::default().path_trace.spp {
         config.path_trace.spp = MAX_SPP;
-    }
-    if let Some(preset) = &args.preset {
-        config.apply_preset(preset)?;
-    }
-    for assignment in &args.define {
-        config.apply_override(assignment).map_err(|error| input!("-D {assignment}: {error}"))?;
     }
     let options = [
         ("--method", "method", args.method.clone()),
@@ -51,11 +96,7 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--tone-map", "tone_map.operator", args.tone_map.clone()),
         ("--glare", "glare.strength", args.glare.map(|strength| format!("{strength:?}"))),
     ];
-    for (option, key, value) in &options {
-        if let Some(value) = value {
-            config.apply_override(&format!("{key}={value}")).map_err(|error| input!("{option}: {error}"))?;
-        }
-    }
+    args.settings.apply(&mut config, &options)?;
     let of = |method: Method| move |option| (option, method);
     let groups = options.iter().filter(|(.., value)| value.is_some()).filter_map(|(option, key, _)| {
         let method = match key.split('.').next() {
@@ -83,16 +124,6 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
             ));
         }
     }
-    config.validate().map_err(|error| {
-        let ConfigError::Value { key, problem } = &error else { return error.into() };
-        let option = options.iter().find(|(_, name, value)| name == key && value.is_some());
-        let assignment = args.define.iter().rev().find(|assignment| assignment.starts_with(key));
-        match (option, assignment, &args.config) {
-            (Some((option, ..)), ..) => input!("{option}: {problem}"),
-            (_, Some(assignment), _) => input!("-D {assignment}: {problem}"),
-            (_, _, Some(file)) => input!("{}: {error}", file.display()),
-            _ => error.into(),
-        }
-    })?;
+    args.settings.check(&config, &options)?;
     Ok(config)
 }
