@@ -2,6 +2,7 @@
 
 mod common;
 
+use parhelion::chart::answer::{answers, error_of};
 use parhelion::chart::data::{
     Answer, Chart, Failure, MetricInfo, PassTime, Point, Reference, SCHEMA, Spread,
 };
@@ -393,21 +394,27 @@ fn a_chart_in_a_browser() {
         let expected = front(&chart, metric);
         assert!(expected.len() > 2, "{metric}: a front worth the name");
         assert_eq!(set(&shown["front"]), expected.iter().map(|p| p.id.as_str()).collect(), "{metric}");
-        assert_eq!(shown["gallery"], expected.len(), "{metric}");
+        assert_eq!(shown["gallery"], expected.len() + 1, "{metric}: what is not ranked behind the front");
         assert_eq!(shown["points"].as_array().unwrap().len(), count, "{metric}");
         assert_eq!(shown["rows"].as_array().unwrap().len(), 40, "{metric}");
     }
 
-    let ranked = || chart.points.iter().filter(|p| p.ranked);
+    // The page's readouts are the printed answers.
+    let answers = answers(&chart.points, chart.reference.noise);
+    let counted = |p: &Point| error_of(p, chart.reference.noise).unwrap().0;
+    let unranked = &chart.points[5];
     for (ms, best) in out["time"].as_object().unwrap() {
-        let enough = ranked().filter(|p| p.ms.median <= ms.parse().unwrap());
-        let expected = enough.min_by(|a, b| error(a, "rel_mse").partial_cmp(&error(b, "rel_mse")).unwrap());
-        assert_eq!(*best, json!(expected.map(|p| fragment(&p.id))), "{ms} ms");
+        let answer = answers.iter().find(|answer| answer.ms == ms.parse::<f64>().unwrap()).unwrap();
+        let id = answer.point.as_ref().map(|id| fragment(id));
+        assert_eq!(best[0], json!(id), "{ms} ms");
+        let about = best[1].as_str().is_some_and(|text| text.contains("relMSE about 0.00100"));
+        assert_eq!(about, id == Some(fragment(&unranked.id)), "{ms} ms: {best}");
     }
+    assert!(out["time"].as_object().unwrap().values().any(|best| best[0] == fragment(&unranked.id)));
     for (most, fastest) in out["error"].as_object().unwrap() {
-        let enough = ranked().filter(|p| error(p, "rel_mse").unwrap() <= most.parse().unwrap());
+        let enough = chart.points.iter().filter(|p| counted(p) <= most.parse().unwrap());
         let expected = enough.min_by(|a, b| a.ms.median.total_cmp(&b.ms.median));
-        assert_eq!(*fastest, json!(expected.map(|p| fragment(&p.id))), "relMSE {most}");
+        assert_eq!(fastest[0], json!(expected.map(|p| fragment(&p.id))), "relMSE {most}");
     }
     assert!((out["stepped"].as_f64().unwrap() / 16.8 - 1.0).abs() < 1e-9);
     assert!(out["dragged"].as_f64().unwrap() > by_time[39].ms.median, "dragged to the slow end");

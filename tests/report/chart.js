@@ -1,6 +1,6 @@
 // Uses the page as a reader would, and notes what it shows.
 const shown = () => ({ points: ids('.point'), rows: ids('#table tbody tr'), front: ids('.point.front') });
-const readouts = () => Object.fromEntries(['best', 'fastest'].map((which) => [which, document.querySelector(`#${which} a`)?.getAttribute('href') ?? null]));
+const readouts = () => Object.fromEntries(['best', 'fastest'].map((which) => [which, [document.querySelector(`#${which} a`)?.getAttribute('href') ?? null, document.getElementById(which).textContent]]));
 const picture = () => ({
     shot: document.getElementById('shot').src,
     over: document.getElementById('over').hidden ? null : document.getElementById('over').src,
@@ -82,12 +82,12 @@ report(async () => {
     }
 
     out.time = {};
-    for (const ms of ['0.5', '4', '16', '90']) {
+    for (const ms of ['1', '5', '16', '33', '100']) {
         type(document.getElementById('time'), ms);
         out.time[ms] = readouts().best;
     }
     out.error = {};
-    for (const error of ['0.0001', '0.02', '0.1']) {
+    for (const error of ['0.0001', '0.002', '0.02', '0.1']) {
         type(document.getElementById('error'), error);
         out.error[error] = readouts().fastest;
     }
