@@ -144,17 +144,17 @@ pub const PRESETS: &[Preset] = &[
     Preset { name: "paper-canonical", about: "180 VPLs, every pixel and every VPL", settings: &[] },
     Preset {
         name: "paper-imperfect",
-        about: "and triangles' bounding boxes in place of triangles for VPLs",
+        about: "paper-canonical with triangles' bounding boxes in place of triangles for VPLs",
         settings: &["indirect.visibility=boxes"],
     },
     Preset {
         name: "paper-downsampled",
-        about: "and 4x4 downsampling",
+        about: "paper-imperfect with 4x4 downsampling",
         settings: &["indirect.visibility=boxes", "indirect.downsample=4"],
     },
     Preset {
         name: "paper-interleaved",
-        about: "and 3x3 interleaved sampling",
+        about: "paper-downsampled with 3x3 interleaved sampling",
         settings: &["indirect.visibility=boxes", "indirect.downsample=4", "indirect.interleave=3"],
     },
     Preset {

@@ -10,6 +10,7 @@ pub mod chart;
 mod compile;
 pub mod config;
 pub mod denoise;
+pub mod docs;
 #[allow(unsafe_code)]
 pub mod graph;
 pub mod methods;

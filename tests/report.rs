@@ -159,6 +159,7 @@ fn stress() -> Stress {
         device: HOSTILE.into(),
         driver: "a driver".into(),
         backend: "software".into(),
+        size: [4, 3],
         rows: vec![
             row("crease", "igi", Verdict::FailsAsKnown, Some("the clamp")),
             row("crease", "path", Verdict::Holds, None),
@@ -469,6 +470,45 @@ fn pages_fit_a_narrow_screen() {
             r#"<!doctype html><body><iframe width="360" height="700" style="border: 0"></iframe></body>"#;
         let out = drive(browser, frame, &script, "", &[]);
         assert_eq!(out, json!({ "width": 360, "over": 0, "problems": [] }));
+    }
+}
+
+/// A still picture is XML, holds what the chart does, and covers what lies behind it.
+#[test]
+fn a_still_chart_in_a_browser() {
+    let Some(browser) = browser() else { return };
+    let chart = chart();
+    for (chart, marks) in [(&chart, 40), (&empty_chart(), 0)] {
+        let text = serde_json::to_string(&chart::svg::svg(chart)).unwrap().replace('<', "\\u003c");
+        let script = format!(
+            "const read = new DOMParser().parseFromString({text}, 'image/svg+xml');
+            const all = (selector) => [...read.querySelectorAll(selector)];
+            document.body.append(document.importNode(read.documentElement, true));
+            const box = (node) => node.getBoundingClientRect();
+            const svg = box(document.querySelector('svg'));
+            const texts = [...document.querySelectorAll('svg text')].map((node) => [node.textContent, box(node)]);
+            report(async () => ({{
+                errors: all('parsererror').length,
+                strangers: all('script, img').length,
+                marks: all('.mark').length,
+                hollow: all('.mark[fill=\"#fff\"]').map((mark) => mark.querySelector('title').textContent),
+                background: read.querySelector('rect').getAttribute('fill'),
+                title: read.querySelector('title').textContent,
+                over: texts.filter(([, at]) => at.left < svg.left || at.right > svg.right || at.top < svg.top || at.bottom > svg.bottom).map(([text]) => text),
+            }}));"
+        );
+        let page = r#"<!doctype html><meta charset="utf-8"><body></body>"#;
+        let out = drive(browser, page, &script, "", &["--window-size=1000,800"]);
+        assert_eq!((&out["errors"], &out["strangers"]), (&json!(0), &json!(0)));
+        assert_eq!(out["marks"], marks);
+        assert_eq!((&out["background"], &out["over"]), (&json!("#fff"), &json!([])));
+        assert!(out["title"].as_str().unwrap().contains(HOSTILE));
+        let hollow = out["hollow"].as_array().unwrap();
+        assert_eq!(hollow.len(), usize::from(marks > 0));
+        assert!(
+            hollow.iter().all(|title| title.as_str().unwrap().contains("relMSE about 0.00100")),
+            "{hollow:?}"
+        );
     }
 }
 

@@ -64,7 +64,7 @@ fn said(point: &Point, noise: Option<f64>) -> String {
 }
 
 /// Three digits that count.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }

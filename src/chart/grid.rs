@@ -269,7 +269,7 @@ fn describe(settings: &mut [Setting]) {
 }
 
 /// Every key that a grid may set, by its path.
-pub(super) fn leaves(config: &RenderConfig) -> BTreeMap<String, Value> {
+pub(crate) fn leaves(config: &RenderConfig) -> BTreeMap<String, Value> {
     fn walk(prefix: &str, value: &Value, leaves: &mut BTreeMap<String, Value>) {
         for (name, value) in value.as_object().into_iter().flatten() {
             let path = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };

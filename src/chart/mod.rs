@@ -9,6 +9,7 @@ mod journal;
 pub mod picture;
 pub mod reference;
 pub mod report;
+pub mod svg;
 pub mod sweep;
 mod table;
 

@@ -47,7 +47,7 @@ fn neutral(color: [f32; 3]) -> [f32; 3] {
 }
 
 /// A JPEG of sRGB pixels in rows of `width`.
-pub(super) fn jpeg(pixels: &[u8], width: u32) -> io::Result<Vec<u8>> {
+pub(crate) fn jpeg(pixels: &[u8], width: u32) -> io::Result<Vec<u8>> {
     let height = u32::try_from(pixels.len() / 3 / width.max(1) as usize).map_err(io::Error::other)?;
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, 90)

@@ -32,6 +32,8 @@ pub(super) enum Command {
     Compare(Compare),
     /// Run every method on small scenes made to break it: what fails, by how much, and whether that is known.
     Stress(Stress),
+    /// Write a page on what each method is, costs, leaves wrong and fails at, from charts and the stress suite.
+    Methods(Methods),
     /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
     Doctor(Doctor),
     /// Show the render graph of a frame, without rendering it.
@@ -324,6 +326,19 @@ pub(super) struct Stress {
     /// alone].
     #[arg(short, long = "output", value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Methods {
+    /// Folder that `parhelion chart` has left; repeatable, a column for each.
+    #[arg(long, value_name = "DIR", required = true)]
+    pub(super) chart: Vec<PathBuf>,
+    /// Folder that `parhelion stress -o` has left [default: failures are left out].
+    #[arg(long, value_name = "DIR")]
+    pub(super) stress: Option<PathBuf>,
+    /// Page to write; its pictures, and each chart's as .svg, go to the folder of its name without .md.
+    #[arg(short, long = "output", value_name = "FILE.md", default_value = "methods.md")]
+    pub(super) output: PathBuf,
 }
 
 #[derive(clap::Args)]

@@ -7,6 +7,7 @@ mod compare;
 mod doctor;
 mod graph;
 mod interrupt;
+mod methods;
 mod paper;
 mod progress;
 mod render;
@@ -96,6 +97,7 @@ pub(crate) fn main() -> ExitCode {
         args::Command::Chart(args) => chart::run(&args),
         args::Command::Compare(args) => compare::run(&args),
         args::Command::Stress(args) => stress::run(&args),
+        args::Command::Methods(args) => methods::run(&args),
         args::Command::Doctor(args) => doctor::run(&args),
         args::Command::Graph(args) => graph::run(&args),
     };

@@ -84,7 +84,7 @@ fn table(rows: &[Row]) -> String {
             scene = &row.scene;
         }
         let value = row.value.map_or("-".into(), |value| format!("{value:.3e}"));
-        let _ = write!(text, "  {:<width$}  {value:>10}  {}", title(row), word(row));
+        let _ = write!(text, "  {:<width$}  {value:>10}  {}", title(row), row.said());
         let known = row.known.as_ref().map_or(String::new(), |known| format!(": {known}"));
         let _ = writeln!(text, "{known}");
     }
@@ -97,13 +97,4 @@ fn table(rows: &[Row]) -> String {
         count(Verdict::Fails)
     );
     text
-}
-
-fn word(row: &Row) -> &'static str {
-    match row.verdict {
-        Verdict::Holds if row.known.is_some() => "holds, though known to fail",
-        Verdict::Holds => "holds",
-        Verdict::FailsAsKnown => "fails as known",
-        Verdict::Fails => "FAILS",
-    }
 }

@@ -1,9 +1,5 @@
-//! Instant global illumination (Marques & Santos 2010; Wald et al. 2002; Keller 1997), with the paper's accelerations as
-//! switches: imperfect visibility, downsampling, interleaved sampling.
-//!
-//! Known bias: light of more than `bounces` diffuse bounces and light nearer than `min_distance` is missing, light paths
-//! end at rough metals, and VPLs shine as Lambertians. Known noise: VPLs are shared by all pixels, so error shows as
-//! splotches, not grain; but grain by the rays to lights that have a size, most in smooth lobes.
+//! Instant global illumination, with the paper's accelerations as switches. What it is, and its known bias and noise:
+//! [`METHOD`]'s description.
 
 use super::{Aov, FrameInfo, Layers, Method};
 use crate::config::RenderConfig;
@@ -15,6 +11,12 @@ use crate::techniques::{Kernels, compose, gbuffer, indirect, vpl_shoot, whitted}
 pub const METHOD: Method = Method {
     name: "igi",
     about: "instant global illumination with virtual point lights",
+    description: "Paths from the lights leave virtual point lights (VPLs) where they meet diffuse surfaces; every pixel \
+        gathers indirect light from all of them, one shadow ray each. Imperfect visibility, downsampling and interleaved \
+        sampling are switches. Known bias: light of more than `vpl_shoot.bounces` diffuse bounces and light nearer than \
+        `indirect.min_distance` is missing, light paths end at rough metals, and VPLs shine as Lambertians. Known noise: \
+        VPLs are shared by all pixels, so error shows as splotches, not grain; but grain by the rays to lights that have \
+        a size, most in smooth lobes. Marques & Santos 2010; Wald et al. 2002; Keller 1997.",
     aovs: &[
         Aov::Albedo,
         Aov::N,

@@ -144,6 +144,8 @@ pub struct Method {
     pub name: &'static str,
     /// One line for help texts.
     pub about: &'static str,
+    /// A paragraph: how it works, what it is known to lose, how its error looks, whose it is.
+    pub description: &'static str,
     /// The layers it can draw.
     pub aovs: &'static [Aov],
     /// Whether a picture grows over many graphs, by [`FrameInfo::samples`] each; one graph draws it otherwise.

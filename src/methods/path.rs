@@ -12,6 +12,10 @@ use crate::techniques::{Kernels, gbuffer, path_trace};
 pub const METHOD: Method = Method {
     name: "path",
     about: "path tracing, the reference",
+    description: "Paths from the camera ask a light at every vertex and find others by chance, weighted (multiple \
+        importance sampling), until Russian roulette ends them. Known bias: light of more than `path_trace.max_depth` \
+        edges is missing, and light of points, spots and suns by way of mirrors and glass. Known noise: grain, by one over \
+        the root of the samples a pixel. Kajiya 1986; Veach 1997.",
     aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB, Aov::Rate],
     progressive: true,
     record,

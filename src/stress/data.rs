@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Version of the form below.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// Every method on every stress scene, on one device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +19,8 @@ pub struct Stress {
     pub driver: String,
     /// What traces rays.
     pub backend: String,
+    /// Pixels of its pictures, width and height.
+    pub size: [u32; 2],
     /// Those of one scene one after another.
     pub rows: Vec<Row>,
     /// Pictures by key, each a `data:` URL; only in the page.
@@ -70,4 +72,17 @@ pub enum Verdict {
     FailsAsKnown,
     /// It is not, and should be.
     Fails,
+}
+
+impl Row {
+    /// The verdict in words.
+    #[must_use]
+    pub fn said(&self) -> &'static str {
+        match self.verdict {
+            Verdict::Holds if self.known.is_some() => "holds, though known to fail",
+            Verdict::Holds => "holds",
+            Verdict::FailsAsKnown => "fails as known",
+            Verdict::Fails => "FAILS",
+        }
+    }
 }

@@ -98,6 +98,7 @@ pub fn run(device: &vk::Device, options: &Options<'_>) -> Result<Stress, Error> 
         device: device.info().name.clone(),
         driver: device.info().driver(),
         backend: backend.into(),
+        size: options.size.unwrap_or(SIZE),
         rows,
         images,
     })

@@ -1,0 +1,34 @@
+//! `parhelion methods`.
+
+use super::args::Methods;
+use super::{Failure, check_folder, extension, input};
+use parhelion::docs::{self, Measurements};
+use parhelion::output;
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Write;
+
+pub(super) fn run(args: &Methods) -> Result<(), Failure> {
+    let file = &args.output;
+    let folder = file.with_extension("");
+    let stem = folder.file_name().and_then(OsStr::to_str);
+    let Some(stem) = stem.filter(|_| extension(file).as_deref() == Some("md")) else {
+        return Err(input!("{}: the page is written as .md", file.display()));
+    };
+    output::check_writable(file).map_err(Failure::input)?;
+    check_folder::<&str>(&folder, "page's pictures", [])?;
+    let page = Measurements::read(&args.chart, args.stress.as_deref())?.page(stem)?;
+    if !folder.is_dir() {
+        fs::create_dir(&folder).map_err(|source| output::Error { file: folder.clone(), source })?;
+    }
+    for (name, bytes) in &page.files {
+        output::write_file(&folder.join(name), |out| out.write_all(bytes))?;
+    }
+    Ok(output::write_file(file, |out| out.write_all(page.text.as_bytes()))?)
+}
+
+impl From<docs::Error> for Failure {
+    fn from(error: docs::Error) -> Self {
+        Self::input(error)
+    }
+}

@@ -1,0 +1,171 @@
+//! The named ways to render, and which measurements are theirs.
+
+use crate::chart::grid::leaves;
+use crate::config::{self, ConfigError, PRESETS, Preset, RenderConfig};
+use crate::methods::{self, Method};
+use crate::stress::data::Row;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// A method of the registry with its default settings, or under a preset.
+pub(super) struct Way {
+    pub(super) method: &'static Method,
+    pub(super) preset: Option<&'static Preset>,
+    pub(super) config: RenderConfig,
+}
+
+/// What a way came to under stress.
+#[derive(Default)]
+pub(super) struct Tried<'a> {
+    /// Of every case the rows that are nearest to it: all they set it has too, and no others of the case set more of it.
+    pub(super) rows: Vec<&'a Row>,
+    /// Cases that tried the method with other settings alone.
+    pub(super) otherwise: Vec<&'a str>,
+}
+
+impl Way {
+    /// All there are, presets behind their method.
+    pub(super) fn all() -> Vec<Self> {
+        let mut ways = Vec::new();
+        for &word in config::Method::ALL {
+            let method = methods::named(word.name());
+            let plain = RenderConfig { method: word, ..RenderConfig::default() };
+            ways.push(Self { method, preset: None, config: plain });
+            for preset in PRESETS {
+                let mut config = RenderConfig::default();
+                config.apply_preset(preset.name).expect("a preset sets keys that there are");
+                if config.method == word {
+                    ways.push(Self { method, preset: Some(preset), config });
+                }
+            }
+        }
+        ways
+    }
+
+    /// The word that asks for it; unique.
+    pub(super) fn name(&self) -> &'static str {
+        self.preset.map_or(self.method.name, |preset| preset.name)
+    }
+
+    /// Keys that are not at their defaults, with their values.
+    pub(super) fn settings(&self) -> Vec<(String, Value)> {
+        let default = leaves(&RenderConfig::default());
+        let own = leaves(&self.config);
+        own.into_iter().filter(|(key, value)| key != "method" && default.get(key) != Some(value)).collect()
+    }
+
+    /// Whether `config`, a chart's, is this way: charts choose where paths begin and how long they are.
+    pub(super) fn is(&self, config: &RenderConfig) -> bool {
+        let mut own = self.config.clone();
+        own.path_trace.pixel_filter = config.path_trace.pixel_filter;
+        own.path_trace.max_depth = config.path_trace.max_depth;
+        own == *config
+    }
+
+    /// What was tried of it.
+    pub(super) fn tried<'a>(&self, rows: &'a [Row]) -> Result<Tried<'a>, ConfigError> {
+        let own = values(&self.config);
+        let mut cases: Vec<(&str, Vec<(usize, &Row)>)> = Vec::new();
+        for row in rows.iter().filter(|row| row.method == self.method.name) {
+            let mut config = RenderConfig::default();
+            let keys = row.setting.split_whitespace().map(|assignment| {
+                config.apply_override(assignment)?;
+                Ok(assignment.split_once('=').map_or(assignment, |(key, _)| key))
+            });
+            let keys = keys.collect::<Result<Vec<_>, ConfigError>>()?;
+            let others = values(&config);
+            if cases.iter().all(|(scene, _)| *scene != row.scene) {
+                cases.push((&row.scene, Vec::new()));
+            }
+            if keys.iter().all(|key| own.get(*key) == others.get(*key))
+                && let Some((_, agreeing)) = cases.iter_mut().find(|(scene, _)| *scene == row.scene)
+            {
+                agreeing.push((keys.len(), row));
+            }
+        }
+        let mut tried = Tried::default();
+        for (scene, agreeing) in cases {
+            match agreeing.iter().map(|(count, _)| *count).max() {
+                Some(most) => tried.rows.extend(agreeing.iter().filter(|row| row.0 == most).map(|row| row.1)),
+                None => tried.otherwise.push(scene),
+            }
+        }
+        Ok(tried)
+    }
+}
+
+/// Every key that a stress case may set.
+fn values(config: &RenderConfig) -> BTreeMap<String, Value> {
+    let mut values = leaves(config);
+    values.insert("seed".into(), config.seed.into());
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::methods::REGISTRY;
+    use crate::stress::data::Verdict;
+    use std::collections::BTreeSet;
+
+    fn row(scene: &str, method: &str, setting: &str) -> Row {
+        Row {
+            scene: scene.into(),
+            mechanism: String::new(),
+            method: method.into(),
+            setting: setting.into(),
+            number: String::new(),
+            value: None,
+            bound: String::new(),
+            verdict: Verdict::Holds,
+            known: None,
+            images: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_row_is_of_the_ways_that_have_all_it_sets_if_no_other_sets_more() {
+        let rows = [
+            row("crease", "igi", ""),
+            row("bumpy", "igi", ""),
+            row("bumpy", "igi", "indirect.interleave=3"),
+            row("bumpy", "igi", "indirect.interleave=3 indirect.filter=combined"),
+            row("bumpy", "path", ""),
+            row("wires", "path", "path_trace.spp=128"),
+            row("halton", "igi", "seed=1"),
+            row("halton", "igi", "seed=0"),
+            row("thin", "igi", "indirect.downsample=4"),
+            row("thin", "igi", "indirect.interleave=3"),
+        ];
+        let ways = Way::all();
+        let settings = |name: &str| {
+            let way = ways.iter().find(|way| way.name() == name).unwrap();
+            let tried = way.tried(&rows).unwrap();
+            let said = tried.rows.iter().map(|row| format!("{}: {}", row.scene, row.setting));
+            said.chain(tried.otherwise.iter().map(|scene| format!("not {scene}"))).collect::<Vec<_>>()
+        };
+        let [crease, halton, bumpy] = ["crease: ", "halton: seed=0", "bumpy: "];
+        let [down, inter] = ["thin: indirect.downsample=4", "thin: indirect.interleave=3"];
+        assert_eq!(settings("igi"), [crease, bumpy, halton, "not thin"]);
+        assert_eq!(settings("paper-downsampled"), [crease, bumpy, halton, down]);
+        let three = "bumpy: indirect.interleave=3";
+        assert_eq!(settings("paper-interleaved"), [crease, three, halton, down, inter]);
+        let combined = "bumpy: indirect.interleave=3 indirect.filter=combined";
+        assert_eq!(settings("fast"), [crease, combined, halton, down, inter]);
+        assert_eq!(settings("path"), ["bumpy: ", "not wires"]);
+        assert!(ways[0].tried(&[row("crease", "igi", "indirect.nothing=1")]).is_err());
+    }
+
+    #[test]
+    fn every_way_is_itself_and_no_other() {
+        let ways = Way::all();
+        let names: BTreeSet<_> = ways.iter().map(Way::name).collect();
+        assert_eq!(names.len(), REGISTRY.len() + PRESETS.len());
+        for (a, way) in ways.iter().enumerate() {
+            let mut config = way.config.clone();
+            config.path_trace.max_depth = Some(64);
+            let found: Vec<_> = (0..ways.len()).filter(|&b| ways[b].is(&config)).collect();
+            assert_eq!(found, [a], "{}", way.name());
+        }
+    }
+}
