@@ -289,12 +289,12 @@ fn error(point: &Point, metric: &str) -> Option<f64> {
 
 /// Ranked points that no other beats in one and equals or beats in the other.
 fn front<'a>(chart: &'a Chart, metric: &str) -> Vec<&'a Point> {
-    let ranked = || chart.points.iter().filter(|p| p.ranked && error(p, metric).is_some());
+    let measured = || chart.points.iter().filter(|p| error(p, metric).is_some());
     let beats = |q: &Point, p: &Point| {
         let (q, p) = ((q.ms.median, error(q, metric)), (p.ms.median, error(p, metric)));
         q != p && q.0 <= p.0 && q.1 <= p.1
     };
-    ranked().filter(|p| !ranked().any(|q| beats(q, p))).collect()
+    measured().filter(|p| p.ranked && !measured().any(|q| beats(q, p))).collect()
 }
 
 #[test]

@@ -6,14 +6,17 @@ use super::front::front;
 /// Times that every chart answers for (ms).
 pub const TIMES: [f64; 5] = [1.0, 5.0, 16.0, 33.0, 100.0];
 
-/// Indices of the ranked points that no other ranked one beats in both time and the error by `metric`, fastest first.
+/// Indices of the ranked points that no other beats in both time and the error by `metric`, fastest first. One that is
+/// not ranked beats slower ones as others do: how small its error is remains open, not that it is smaller.
 #[must_use]
 pub fn front_of(points: &[Point], metric: &str) -> Vec<usize> {
-    let pair = |point: &Point| match point.metrics.get(metric) {
-        Some(error) if point.ranked => (point.ms.median, error.median.abs()),
-        _ => (f64::NAN, f64::NAN),
+    let pair = |point: &Point| {
+        let error = point.metrics.get(metric);
+        (point.ms.median, error.map_or(f64::NAN, |error| error.median.abs()))
     };
-    front(&points.iter().map(pair).collect::<Vec<_>>())
+    let mut front = front(&points.iter().map(pair).collect::<Vec<_>>());
+    front.retain(|&index| points[index].ranked);
+    front
 }
 
 /// The point's relMSE, and whether that is known. Of points that are not ranked it is a guess, and the reference's noise
@@ -169,11 +172,12 @@ pub(super) mod tests {
         assert_eq!(sentence(4), "In 100 ms: the same as in 33 ms.");
     }
 
-    /// What is better than the reference can tell is not on the front, and an answer that says so.
+    /// What is better than the reference can tell is not on the front, keeps slower ones off it, and is an answer that
+    /// says so.
     #[test]
     fn unranked_points_are_not_on_the_front() {
         let lucky = Point { ranked: false, ..point("lucky", 1.0, 0.001) };
-        let points = [lucky, point("honest", 2.0, 0.1)];
+        let points = [lucky, point("honest", 0.9, 0.1), point("late", 2.0, 0.01)];
         assert_eq!(front_of(&points, "rel_mse"), [1]);
         assert!(front_of(&points, "unheard of").is_empty());
         let answer = &answers(&points, Some(0.005))[0];
