@@ -11,7 +11,7 @@ use crate::graph::{
 use crate::methods::{self, FrameInfo, NoLayer};
 use crate::sampling::pixel_offset;
 use crate::scene::gpu::GpuScene;
-use crate::scene::{Camera, Light, Scene, SceneError, SceneProfile, View};
+use crate::scene::{Camera, Feature, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
 use crate::techniques::indirect::{IndirectConfig, Visibility};
 use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, glare, tone_map};
@@ -138,6 +138,11 @@ pub struct FrameRequest<'a> {
     pub time: Option<Duration>,
     /// Progressive methods stop where [`noise`] is no more than this.
     pub noise: Option<f64>,
+    /// Features to model although the scene has none of them: the picture is the same (see [`Renderer::unneeded`]).
+    pub modelled: &'a [Feature],
+    /// Further ways to draw this frame that are timed only, turn and turn about with it: each models these features
+    /// instead of `modelled`.
+    pub beside: &'a [&'a [Feature]],
     /// What a progressive method goes on from.
     pub resume: Option<&'a Resume>,
     /// Denoises the picture, previews too; layers and [`Resume`] stay what the samples drew.
@@ -226,6 +231,9 @@ pub struct Frame {
     /// Milliseconds on the device of the whole frame: median over repeats. Where passes overlap it is less than
     /// their sum: a GPU renders each repeat twice, the second time without timing passes.
     pub total_ms: Option<f64>,
+    /// Milliseconds of each way of [`FrameRequest::beside`], as `total_ms`; by the host's clock where the device has no
+    /// timestamps.
+    pub beside_ms: Vec<f64>,
     /// Milliseconds from the first submit to the end of the last one, of the last repeat; without repeats to the end of
     /// the last download.
     pub wall_ms: f64,
@@ -440,14 +448,18 @@ impl Renderer {
         let mut rays = HashMap::new();
         let mut timed = Vec::new();
         let mut totals = Vec::new();
+        let mut beside = vec![Vec::new(); request.beside.len()];
         let mut wall_ms = 0.0;
         let mut frame = None;
         for run in 0..runs {
-            let report = |progress: Progress<'_>| {
+            let ways = 1.0 + request.beside.len() as f64;
+            let report_way = |way: usize, progress: Progress<'_>| {
                 if let Some(report) = request.progress {
-                    report(Progress { done: (f64::from(run) + progress.done) / f64::from(runs), ..progress });
+                    let done = f64::from(run) + (way as f64 + progress.done) / ways;
+                    report(Progress { done: done / f64::from(runs), ..progress });
                 }
             };
+            let report = |progress: Progress<'_>| report_way(0, progress);
             // The picture comes with the first run, the warm-up where there is one. Later ones bring nothing back: a GPU
             // that waits for its host between frames lowers its clocks.
             let picture = run == 0;
@@ -468,8 +480,19 @@ impl Renderer {
             if pass_times && (run > 0 || runs == 1) {
                 timed.push(rendered.times);
             }
-            if run + request.repeat >= runs || runs == 1 {
+            let counts = run + request.repeat >= runs || runs == 1;
+            if counts {
                 totals.push(rendered.total);
+            }
+            // In the first run too: it makes their kernels.
+            for (way, &modelled) in request.beside.iter().enumerate().filter(|_| counts || picture) {
+                let report = |progress: Progress<'_>| report_way(way + 1, progress);
+                let other = FrameRequest { modelled, preview: None, ..*request };
+                let once = Once { picture: false, pass_times, counters: None, progress: &report };
+                let rendered = render(self, config, camera, &other, &once)?;
+                if counts {
+                    beside[way].push(Some(rendered.total.unwrap_or(rendered.wall_ms)));
+                }
             }
             wall_ms = rendered.wall_ms;
             frame = frame.or(rendered.frame);
@@ -479,6 +502,7 @@ impl Renderer {
         Ok(Frame {
             passes: summarise(&timed, &rays),
             total_ms: median(totals),
+            beside_ms: beside.into_iter().filter_map(median).collect(),
             wall_ms,
             rays: rays.values().sum(),
             peak_device_bytes: self.device.memory().peak,
@@ -497,7 +521,7 @@ impl Renderer {
         let start = Instant::now();
         let view = Window::of(config);
         let info = view.frame(self.area);
-        let kernels = self.kernels(config.whitted.mirror_roughness).with_indirect(&config.indirect);
+        let kernels = self.kernels_modelling(config, request.modelled);
         let samples = config.pixel_samples;
         let layers = request.layers();
         let means = self.means(config, &layers)?;
@@ -572,6 +596,27 @@ impl Renderer {
     #[must_use]
     pub fn kernels(&self, mirror_roughness: f32) -> Kernels {
         Kernels::new(&SceneProfile::of(&self.scene, mirror_roughness), self.structure.stack_depth())
+    }
+
+    /// Features that a frame with this configuration leaves out because the scene has none of them. With all of them in
+    /// [`FrameRequest::modelled`] it is drawn by a pipeline that is not specialised to the scene.
+    #[must_use]
+    pub fn unneeded(&self, config: &RenderConfig) -> Vec<Feature> {
+        let specialised = self.kernels_modelling(config, &[]);
+        let costs = |feature: &Feature| match (feature, config.method, self.backend) {
+            // Only paths end at what they find.
+            (Feature::Unlit, Method::Igi, _) | (Feature::DeepStructure, _, Backend::RayQuery) => false,
+            _ => !self.kernels_modelling(config, &[*feature]).same_as(&specialised),
+        };
+        Feature::ALL.iter().copied().filter(costs).collect()
+    }
+
+    fn kernels_modelling(&self, config: &RenderConfig, features: &[Feature]) -> Kernels {
+        let kernels = self.kernels(config.whitted.mirror_roughness).modelling(features);
+        match config.method {
+            Method::Igi => kernels.with_indirect(&config.indirect),
+            Method::Path => kernels,
+        }
     }
 
     /// Images that average pixel samples, beauty first; none for a single sample.
@@ -866,6 +911,7 @@ impl Tickets {
             regathered: self.regathered.and_then(|ticket| run.take(ticket).last().copied()),
             passes: Vec::new(),
             total_ms: None,
+            beside_ms: Vec::new(),
             wall_ms: 0.0,
             rays: 0,
             path_count: None,

@@ -12,12 +12,14 @@ layout(local_size_x = 64) in;
 layout(set = 1, binding = 0, scalar) writeonly buffer Slots { Vpl data[]; } slots;
 layout(push_constant, scalar) uniform Params { uint paths; uint bounces; } params;
 
+// Whether any light has a size.
+bool area_lights() {
+    return (EMISSIVE_TRIANGLES || ENVIRONMENT) && scene.light_choice_count > scene.light_count;
+}
+
 // Halton dimensions: 0 the light, 1 and 2 its emission, 3 and 4 where on it where lights have a size, then a pair a
 // bounce.
-uint first_bounce_dimension() {
-    if (EMISSIVE_TRIANGLES || ENVIRONMENT) return 5u;
-    return 3u;
-}
+uint first_bounce_dimension() { return area_lights() ? 5u : 3u; }
 
 vec2 halton_pair(uint dimension, uint path) {
     // The sequence starts at 1: its element 0 is a corner in every dimension.
@@ -75,7 +77,7 @@ Emission emit_sky(LightChoice choice, vec2 v, vec2 place) {
 Emission emit(uint path) {
     float u = halton(0u, path + 1u, scene.seed);
     vec2 v = halton_pair(1u, path);
-    if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
+    if (area_lights()) {
         uint count = scene.light_choice_count;
         LightChoice choice;
         uint i = choose(LightChoiceArray(scene.light_choices), count, u, choice);

@@ -217,6 +217,7 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
         label: format!("path spp={SPP}"),
         config: path,
         settings: keys,
+        general: false,
     });
 
     let steps = 1 + settings.len();

@@ -100,7 +100,7 @@ pub struct Point {
     pub metrics: BTreeMap<String, Spread>,
     /// Whether its error stands clear of the reference's own noise.
     pub ranked: bool,
-    /// Milliseconds by a pipeline that is not specialised to the scene, where measured.
+    /// Milliseconds by a pipeline that is not specialised to the scene, where measured: median over seeds.
     pub general_ms: Option<f64>,
     /// Key of its picture.
     pub image: String,

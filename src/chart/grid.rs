@@ -2,9 +2,12 @@
 //!
 //! A grid is TOML: tables `[[sweep]]` of keys as for [`RenderConfig::apply_override`], beside them `preset`, which comes
 //! first. A key with a list takes each of its values, every list with every other. Settings that come up twice are
-//! taken once.
+//! taken once. `general = true` before the tables times every setting by a pipeline that is not specialised to the scene,
+//! too: what it costs to model everything for nothing.
 //!
 //! ```toml
+//! general = true
+//!
 //! [[sweep]]
 //! preset = "fast"
 //! vpl_shoot.vpls = [90, 180]
@@ -63,8 +66,9 @@ pub const GRIDS: &[Grid] = &[
     },
     Grid {
         name: "full",
-        about: "everything there is, for a GPU",
+        about: "everything there is, for a GPU, also by a pipeline that is not specialised to the scene",
         text: "
+            general = true
             [[sweep]]
             preset = 'fast'
             vpl_shoot.vpls = [30, 90, 180, 720, 1440, 2880]
@@ -112,6 +116,8 @@ pub struct Setting {
     pub config: RenderConfig,
     /// Keys and values that tell it from the default configuration, or apart from the others of its method.
     pub settings: BTreeMap<String, Value>,
+    /// Whether a pipeline that is not specialised to the scene is timed, too.
+    pub general: bool,
 }
 
 /// A grid that cannot be used.
@@ -149,8 +155,13 @@ pub fn settings(grid: &str, base: &RenderConfig) -> Result<Vec<Setting>, GridErr
 fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
     let sweeps = table.remove("sweep");
+    let general = match table.remove("general") {
+        None => false,
+        Some(toml::Value::Boolean(general)) => general,
+        Some(value) => return Err(format!("general = {value}: expected true or false")),
+    };
     if let Some(key) = table.keys().next() {
-        return Err(format!("unknown key `{key}`; a grid has tables [[sweep]]"));
+        return Err(format!("unknown key `{key}`; a grid has `general` and tables [[sweep]]"));
     }
     let Some(toml::Value::Array(sweeps)) = sweeps else { return Err("no table [[sweep]]".into()) };
     let mut found: Vec<Setting> = Vec::new();
@@ -160,7 +171,8 @@ fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
         for words in combinations(sweep).map_err(|problem| fail(&problem))? {
             let (config, label) = setting(base, &words).map_err(|error| fail(&error))?;
             if found.iter().all(|other| other.config != config) {
-                found.push(Setting { id: String::new(), label, config, settings: BTreeMap::new() });
+                let settings = BTreeMap::new();
+                found.push(Setting { id: String::new(), label, config, settings, general });
             }
         }
     }
@@ -361,6 +373,17 @@ mod tests {
     }
 
     #[test]
+    fn the_general_pipeline_is_timed_where_the_grid_says_so() {
+        let base = RenderConfig::default();
+        for grid in GRIDS {
+            let general = settings(grid.name, &base).unwrap().iter().all(|setting| setting.general);
+            assert_eq!(general, grid.name == "full", "{}", grid.name);
+        }
+        let asked = |text: &str| parse(text, &base).unwrap()[0].general;
+        assert!(asked("general = true\n[[sweep]]") && !asked("general = false\n[[sweep]]"));
+    }
+
+    #[test]
     fn settings_are_the_keys_that_matter() {
         let text =
             "[[sweep]]\nvpl_shoot.vpls = [90, 180]\nindirect.min_distance = 0.05\n[[sweep]]\nmethod = 'path'";
@@ -385,6 +408,7 @@ mod tests {
             ("[[sweep]]\ntone_map.exposure = 1", &["tone_map.exposure", "command line"]),
             ("[[sweep]]\npreset = 'slow'", &["slow", "paper-canonical"]),
             ("grid = 1\n[[sweep]]", &["`grid`", "[[sweep]]"]),
+            ("general = 1\n[[sweep]]", &["general = 1", "true or false"]),
             ("[[sweep]", &["1"]),
         ] {
             let problem = parse(text, &RenderConfig::default()).unwrap_err();

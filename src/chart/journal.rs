@@ -27,6 +27,9 @@ pub(super) struct Entry {
     /// Seed included.
     pub(super) config: RenderConfig,
     pub(super) ms: f64,
+    /// By a pipeline that is not specialised to the scene, where that was asked for.
+    #[serde(default)]
+    pub(super) general_ms: Option<f64>,
     pub(super) passes: Vec<PassTime>,
     pub(super) rays: u64,
     pub(super) device_bytes: u64,
@@ -74,6 +77,12 @@ impl Journal {
         })?;
         let file = File::options().append(true).open(path).map_err(fail)?;
         Ok(Ok(Self { path: path.into(), file, entries }))
+    }
+
+    /// The measurement with `config`; where `general` is asked for, one that holds it.
+    pub(super) fn find(&self, config: &RenderConfig, general: bool) -> Option<&Entry> {
+        let fits = |entry: &&Entry| entry.config == *config && (!general || entry.general_ms.is_some());
+        self.entries.iter().find(fits)
     }
 
     pub(super) fn add(&mut self, entry: Entry) -> Result<(), output::Error> {
@@ -127,7 +136,7 @@ mod tests {
         let mut config = RenderConfig { seed, ..RenderConfig::default() };
         config.indirect.min_distance = Some(0.1);
         let metrics = BTreeMap::from([("rel_mse".into(), 0.25)]);
-        Entry { config, ms: 1.5, passes: Vec::new(), rays: 3, device_bytes: 5, metrics }
+        Entry { config, ms: 1.5, general_ms: None, passes: Vec::new(), rays: 3, device_bytes: 5, metrics }
     }
 
     #[test]
@@ -146,6 +155,22 @@ mod tests {
         assert_eq!(open(&header()).ok().unwrap().entries, [entry(0), entry(2)]);
         fs::write(&path, &text[..10]).unwrap();
         assert!(open(&header()).ok().unwrap().entries.is_empty());
+    }
+
+    #[test]
+    fn an_entry_without_the_general_pipeline_does_for_those_who_do_not_ask() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        let mut journal = Journal::open(&path, &header()).unwrap().ok().unwrap();
+        journal.add(entry(0)).unwrap();
+        let config = entry(0).config;
+        assert_eq!(journal.find(&config, false), Some(&entry(0)));
+        assert_eq!(journal.find(&config, true), None);
+        let general = Entry { general_ms: Some(2.0), ..entry(0) };
+        journal.add(general.clone()).unwrap();
+        let journal = Journal::open(&path, &header()).unwrap().ok().unwrap();
+        assert_eq!(journal.find(&config, true), Some(&general));
+        assert_eq!(journal.find(&entry(1).config, false), None);
     }
 
     #[test]

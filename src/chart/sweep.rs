@@ -11,7 +11,7 @@ use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, Channels, Picture, magma};
 use crate::page;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
-use crate::scene::{Camera, SceneProfile};
+use crate::scene::{Camera, Feature, SceneProfile};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -132,7 +132,9 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
             let [width, height] = setting.config.size;
             let mut config = RenderConfig { size: [width.min(64), height.min(48)], ..setting.config.clone() };
             config.path_trace.spp = 1;
-            let request = FrameRequest { cancel: sweep.cancel, ..FrameRequest::default() };
+            let general = renderer.unneeded(&config);
+            let beside: &[&[Feature]] = if setting.general { &[&general] } else { &[] };
+            let request = FrameRequest { beside, cancel: sweep.cancel, ..FrameRequest::default() };
             // What fails here fails again below, where it is told.
             let _ = renderer.render(&config, sweep.camera, &request);
         }
@@ -140,8 +142,7 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
     for turn in 0..sweep.seeds {
         for setting in sweep.settings {
             let config = RenderConfig { seed: sweep.seed.wrapping_add(turn), ..setting.config.clone() };
-            if journal.entries.iter().any(|entry| entry.config == config)
-                || failures.contains_key(setting.id.as_str())
+            if journal.find(&config, setting.general).is_some() || failures.contains_key(setting.id.as_str())
             {
                 continue;
             }
@@ -195,8 +196,11 @@ fn measure(
     steps: &mut Steps<'_>,
 ) -> Result<Measured, output::Error> {
     let progress = |progress: Progress<'_>| steps.report(setting, progress);
+    let general = renderer.unneeded(config);
+    let beside: &[&[Feature]] = if setting.general { &[&general] } else { &[] };
     let request = FrameRequest {
         repeat: sweep.repeat,
+        beside,
         cancel: sweep.cancel,
         progress: Some(&progress),
         ..FrameRequest::default()
@@ -212,7 +216,7 @@ fn measure(
     if sweep.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst)) {
         return Ok(Measured::Cancelled);
     }
-    steps.done += cost(config);
+    steps.done += cost(setting);
     let (image, reference) = (&frame.beauty.data, &sweep.reference.layer.data);
     if let Some(at) = image.iter().position(|value| !value.is_finite()) {
         let width = frame.beauty.width as usize;
@@ -240,6 +244,7 @@ fn measure(
     Ok(Measured::Entry(Box::new(Entry {
         config: config.clone(),
         ms: frame.total_ms.unwrap_or(frame.wall_ms),
+        general_ms: frame.beside_ms.first().copied(),
         passes: frame.passes.into_iter().filter_map(pass).collect(),
         rays: frame.rays,
         device_bytes: frame.peak_device_bytes,
@@ -304,7 +309,7 @@ fn chart(
     let all = |setting: &Setting| -> Vec<&Entry> {
         let seeds = (0..sweep.seeds).map(|turn| sweep.seed.wrapping_add(turn));
         let configs = seeds.map(|seed| RenderConfig { seed, ..setting.config.clone() });
-        configs.filter_map(|config| journal.entries.iter().find(|entry| entry.config == config)).collect()
+        configs.filter_map(|config| journal.find(&config, setting.general)).collect()
     };
     let measured: Vec<(&Setting, Vec<&Entry>)> =
         sweep.settings.iter().map(|setting| (setting, all(setting))).collect();
@@ -383,7 +388,7 @@ fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> 
         device_bytes: entries.iter().map(|entry| entry.device_bytes).max()?,
         metrics: METRICS.iter().filter_map(|(key, ..)| of(key)).collect(),
         ranked: noise.ranks(measured.median),
-        general_ms: None,
+        general_ms: spread(&|entry| entry.general_ms).map(|spread| spread.median),
         image: image_key(setting),
         error_image: error_key(setting),
         exr: None,
@@ -467,14 +472,14 @@ impl<'a> Steps<'a> {
         let mut steps = Self { sweep, done: 0.0, all: 0.0 };
         for setting in sweep.settings {
             let left = (0..sweep.seeds).filter(|&turn| steps.unfinished(setting, turn, journal)).count();
-            steps.all += cost(&setting.config) * left as f64;
+            steps.all += cost(setting) * left as f64;
         }
         steps
     }
 
     fn unfinished(&self, setting: &Setting, turn: u32, journal: &Journal) -> bool {
         let config = RenderConfig { seed: self.sweep.seed.wrapping_add(turn), ..setting.config.clone() };
-        journal.entries.iter().all(|entry| entry.config != config)
+        journal.find(&config, setting.general).is_none()
     }
 
     fn left(&self, setting: &Setting, journal: &Journal) -> bool {
@@ -483,19 +488,20 @@ impl<'a> Steps<'a> {
 
     fn report(&self, setting: &Setting, progress: Progress<'_>) {
         if let Some(report) = self.sweep.progress {
-            let done = (self.done + cost(&setting.config) * progress.done) / self.all.max(f64::MIN_POSITIVE);
+            let done = (self.done + cost(setting) * progress.done) / self.all.max(f64::MIN_POSITIVE);
             report(Progress { pass: &setting.label, done });
         }
     }
 }
 
 /// Rays a pixel, roughly.
-fn cost(config: &RenderConfig) -> f64 {
+fn cost(Setting { config, general, .. }: &Setting) -> f64 {
     let side = f64::from(config.indirect.downsample * config.indirect.interleave);
-    match config.method {
+    let rays = match config.method {
         Method::Path => 10.0 * f64::from(config.path_trace.spp),
         Method::Igi => 5.0 + f64::from(config.vpl_shoot.vpls) / (side * side),
-    }
+    };
+    if *general { 2.0 * rays } else { rays }
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@ use super::answer::front_of;
 use super::data::{Chart, Spread};
 use std::collections::BTreeSet;
 
-/// A line of names, then one for each point: what it is, what it took, its errors, its settings. Cells of what a point
+/// A line of names, then one for each point: what it is, what it took, also by a general pipeline and what the special
+/// one gains, its errors, its settings. Cells of what a point
 /// does not have are empty.
 pub(super) fn csv(chart: &Chart) -> String {
     let keys: BTreeSet<&String> = chart.points.iter().flat_map(|point| point.settings.keys()).collect();
@@ -14,6 +15,7 @@ pub(super) fn csv(chart: &Chart) -> String {
         .to_vec();
     let spreads = |name: &str| ["", "_min", "_max"].map(|suffix| format!("{name}{suffix}"));
     head.extend(spreads("ms"));
+    head.extend(["general_ms", "gain"].map(String::from));
     chart.metrics.iter().for_each(|metric| head.extend(spreads(&metric.key)));
     head.extend(keys.iter().map(|key| (*key).clone()));
     let mut text = line(&head);
@@ -33,6 +35,9 @@ pub(super) fn csv(chart: &Chart) -> String {
             point.device_bytes.to_string(),
         ];
         cells.extend(spread(Some(&point.ms)));
+        let gain = point.general_ms.map(|ms| ms / point.ms.median);
+        let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        cells.extend([point.general_ms, gain].map(number));
         chart.metrics.iter().for_each(|metric| cells.extend(spread(point.metrics.get(&metric.key))));
         cells.extend(keys.iter().map(|key| match point.settings.get(*key) {
             Some(serde_json::Value::String(word)) => word.clone(),

@@ -5,6 +5,7 @@ mod chart;
 mod choose;
 mod compare;
 mod doctor;
+mod economy;
 mod graph;
 mod interrupt;
 mod methods;

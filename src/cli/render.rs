@@ -5,7 +5,7 @@ use super::progress::Reporter;
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{Failure, choose, extension, input, interrupt, print, scene};
+use super::{Failure, choose, economy, extension, input, interrupt, print, scene};
 use glam::Vec3;
 use parhelion::config::RenderConfig;
 use parhelion::denoise::Denoiser;
@@ -90,6 +90,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
             .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show }),
         cancel: Some(&interrupt::CANCEL),
         progress: Some(&progress),
+        ..FrameRequest::default()
     };
     let frame = renderer.render(&config, &camera, &request)?;
 
@@ -119,12 +120,20 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let what = write(file, &origin, &config, &frame)?;
         let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
     }
+    let economy = if args.explain && !interrupt::CANCEL.load(Ordering::SeqCst) {
+        reporter.stage("economy", &name);
+        let economy = economy::measure(&mut renderer, &config, &camera, args.repeat, &progress)?;
+        report.push_str(&economy.table());
+        Some(economy)
+    } else {
+        None
+    };
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
         output::write_exr(file, &tapped(tap, layer))?;
         let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
     }
     if let Some(file) = &args.stats {
-        let stats = stats(args, &config, &camera, &renderer, &profile, &frame, &outputs);
+        let stats = stats(args, &config, &camera, &renderer, &profile, &frame, &outputs, economy.as_ref());
         output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
         let _ = writeln!(report, "{}: statistics", file.display());
     }

@@ -1,6 +1,7 @@
 //! Numbers of a render as JSON, as `docs/stats.schema.json` describes them.
 
 use super::args::Render;
+use super::economy::Economy;
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{Frame, Renderer};
 use parhelion::scene::{Camera, SceneProfile, View};
@@ -8,6 +9,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Everything measured and everything that decided it.
+#[expect(clippy::too_many_arguments, reason = "all that there is to tell of a render")]
 pub(super) fn stats(
     args: &Render,
     config: &RenderConfig,
@@ -16,6 +18,7 @@ pub(super) fn stats(
     profile: &SceneProfile,
     frame: &Frame,
     outputs: &[PathBuf],
+    economy: Option<&Economy>,
 ) -> Value {
     let scene = renderer.scene();
     let (backend, reason) = renderer.backend();
@@ -66,6 +69,7 @@ pub(super) fn stats(
         "repeat": args.repeat.unwrap_or(0),
         "passes": frame.passes,
         "rays": frame.rays,
+        "economy": economy.map(Economy::json),
         "total_ms": frame.total_ms,
         "wall_ms": frame.wall_ms,
         "peak_device_bytes": frame.peak_device_bytes,

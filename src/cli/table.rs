@@ -80,6 +80,7 @@ mod tests {
             taps: Vec::new(),
             passes,
             total_ms: Some(8.0),
+            beside_ms: Vec::new(),
             wall_ms: 9.0,
             rays: 3_000_000,
             vpl_count: None,

@@ -235,7 +235,7 @@ impl Renderer {
         let halves = adaptive || request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
         let mut state = State::new(&self.device, view.extent, halves, adaptive, request.resume)?;
         self.write_uniform(config, camera, Vec2::splat(0.5), once.counters)?;
-        let kernels = self.kernels(config.whitted.mirror_roughness);
+        let kernels = self.kernels_modelling(config, request.modelled);
         let session = Session { config, request, kernels, view };
         // A tap that is not there is known before the first sample.
         let mut g = Graph::new();

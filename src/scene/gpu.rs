@@ -156,6 +156,10 @@ impl GpuScene {
         for material in &scene.materials {
             let mut record = without_textures();
             for (usage, texture) in material.textures() {
+                // Unlit surfaces show their base colour only.
+                if material.unlit && usage != TextureUse::BaseColor {
+                    continue;
+                }
                 let image = &scene.images[texture.image as usize];
                 let address = match texels[texture.image as usize] {
                     Some(address) => address,
@@ -181,10 +185,11 @@ impl GpuScene {
             if material.alpha_mode == AlphaMode::Blend {
                 flags |= MATERIAL_ALPHA_BLEND;
             }
-            let coat = material.clearcoat.unwrap_or_default();
+            let coat = material.clearcoat.filter(|_| !material.unlit).unwrap_or_default();
             let scale = |map: Option<NormalMap>| map.map_or(1.0, |map| map.scale);
             let mut absorption = Vec3::ZERO;
-            if let Some(volume) = material.volume {
+            let glass = material.transmission > 0.0 && material.metallic < 1.0 && !material.unlit;
+            if let Some(volume) = material.volume.filter(|_| glass) {
                 flags |= MATERIAL_SOLID;
                 // Beer–Lambert: attenuation_color = exp(−σ · attenuation_distance).
                 let color = volume.attenuation_color.max(Vec3::splat(1e-10));

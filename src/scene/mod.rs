@@ -6,6 +6,7 @@
 mod camera;
 mod emitter;
 mod environment;
+mod feature;
 mod fingerprint;
 mod import;
 mod light;
@@ -23,6 +24,7 @@ pub mod obj;
 
 pub use camera::{Camera, View};
 pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
+pub use feature::Feature;
 pub use light::{Light, LightKind};
 pub use material::{
     AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, TextureRef, TextureTransform, Volume,

@@ -58,6 +58,8 @@ pub struct SceneProfile {
     pub rough_lobes: bool,
     /// Clear coats as smooth as a mirror.
     pub smooth_coats: bool,
+    /// Dielectrics as smooth as a mirror over a diffuse base, whose share depends on both directions.
+    pub polished: bool,
     /// Point lights.
     pub point_lights: usize,
     /// Spot lights.
@@ -146,6 +148,8 @@ impl SceneProfile {
         let glass = material.transmission > 0.0 && material.metallic < 1.0;
         let textured = material.metallic_roughness_texture.is_some();
         self.mirrors |= specular && (smooth || textured) && !glass;
+        let diffuse = material.metallic < 1.0 && material.transmission < 1.0;
+        self.polished |= dielectric && diffuse && smooth && material.base_color.truncate() != Vec3::ZERO;
         self.rough_lobes |= specular && !smooth;
         self.glass |= glass;
         self.rough_glass |= glass && !smooth;

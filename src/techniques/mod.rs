@@ -10,7 +10,8 @@ pub mod tone_map;
 pub mod vpl_shoot;
 pub mod whitted;
 
-use crate::scene::SceneProfile;
+use crate::accel::software::MAX_STACK_DEPTH;
+use crate::scene::{Feature, SceneProfile};
 use crate::shaders::SceneSpec;
 use indirect::{IndirectConfig, Visibility};
 
@@ -18,6 +19,8 @@ use indirect::{IndirectConfig, Visibility};
 #[derive(Clone, Debug)]
 pub struct Kernels {
     pub(crate) profile: SceneProfile,
+    /// Lights that reach points one by one.
+    lights: u32,
     scene: SceneSpec,
 }
 
@@ -25,7 +28,21 @@ impl Kernels {
     /// Specialises the kernels; `stack_depth` is what the software structure needs.
     #[must_use]
     pub fn new(profile: &SceneProfile, stack_depth: u32) -> Self {
-        let scene = SceneSpec {
+        let lights = (profile.point_lights + profile.spot_lights + profile.directional_lights) as u32;
+        Self { profile: profile.clone(), lights, scene: Self::specialised(profile, stack_depth) }
+    }
+
+    /// Models these, too: the picture stays the same.
+    #[must_use]
+    pub fn modelling(self, features: &[Feature]) -> Self {
+        let profile = features.iter().fold(self.profile, |profile, &feature| profile.with(feature));
+        let deep = features.contains(&Feature::DeepStructure);
+        let stack_depth = if deep { MAX_STACK_DEPTH } else { self.scene.stack_depth };
+        Self { scene: Self::specialised(&profile, stack_depth), profile, ..self }
+    }
+
+    fn specialised(profile: &SceneProfile, stack_depth: u32) -> SceneSpec {
+        SceneSpec {
             alpha_mask: profile.alpha_mask,
             instanced: profile.instanced,
             textures: profile.textures,
@@ -50,15 +67,15 @@ impl Kernels {
             glossy: false,
             stack_depth,
             visibility: Visibility::Exact as u32,
-        };
-        Self { profile: profile.clone(), scene }
+        }
     }
 
     /// The kernels for the visibility of VPLs and the lobes that are asked for.
     #[must_use]
     pub fn with_indirect(mut self, config: &IndirectConfig) -> Self {
         self.scene.visibility = config.visibility as u32;
-        self.scene.glossy = config.glossy && (self.profile.rough_lobes || self.profile.clearcoat);
+        let profile = &self.profile;
+        self.scene.glossy = config.glossy && (profile.rough_lobes || profile.clearcoat || profile.polished);
         self
     }
 
@@ -70,8 +87,7 @@ impl Kernels {
 
     /// Lights that reach points one by one.
     pub(crate) fn lights(&self) -> u32 {
-        let profile = &self.profile;
-        (profile.point_lights + profile.spot_lights + profile.directional_lights) as u32
+        self.lights
     }
 
     /// Whether anything that has a size shines: emissive triangles or the environment.
@@ -93,6 +109,17 @@ impl Kernels {
     pub(crate) fn glossy_lobes(&self) -> bool {
         self.scene.glossy && self.profile.rough_lobes
     }
+
+    /// Whether paths that find no light before their last edge may find some there.
+    pub(crate) fn finds_light(&self) -> bool {
+        self.area_lights() || self.profile.unlit
+    }
+
+    /// Whether these are the same kernels as others, in the same passes.
+    pub(crate) fn same_as(&self, other: &Self) -> bool {
+        let passes = |k: &Self| [k.specular(), k.glossy_lobes(), k.area_lights(), k.finds_light()];
+        self.scene == other.scene && passes(self) == passes(other)
+    }
 }
 
 /// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
@@ -110,3 +137,27 @@ pub(crate) const RAY_COUNTERS: [&str; 9] = [
 
 /// Cells a counter is spread over.
 pub(crate) const COUNTER_LANES: usize = 256;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A constant that no feature turns on would be left out of the general pipeline.
+    #[test]
+    fn all_features_together_turn_every_constant_on() {
+        let nothing = Kernels::new(&SceneProfile::default(), 1);
+        let everything = nothing.clone().modelling(Feature::ALL).with_indirect(&IndirectConfig::default());
+        let text = format!("{:?}", everything.scene);
+        assert!(text.contains("true") && !text.contains("false"), "{text}");
+        assert_eq!(everything.scene.stack_depth, MAX_STACK_DEPTH);
+        assert!(everything.specular() && everything.glossy_lobes() && everything.finds_light());
+        assert_eq!(everything.lights(), 0);
+        for feature in Feature::ALL {
+            let one = nothing.clone().modelling(&[*feature]);
+            assert!(
+                *feature == Feature::SmoothCoats || !one.same_as(&nothing),
+                "{feature:?} changes nothing"
+            );
+        }
+    }
+}

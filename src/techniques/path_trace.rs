@@ -120,8 +120,7 @@ pub fn path_trace(
     taken: u32,
     samples: u32,
 ) {
-    let profile = &k.profile;
-    let emitters = profile.emission || profile.environment;
+    let emitters = k.area_lights();
     let spec = trace::Spec {
         transport: match config.transport {
             Transport::Full => 0,
@@ -134,7 +133,7 @@ pub fn path_trace(
             _ => 0,
         },
         box_filter: config.pixel_filter == PixelFilter::Box,
-        finds_light: emitters || profile.unlit,
+        finds_light: k.finds_light(),
         halves: means.halves.is_some(),
         adaptive: means.rates.is_some(),
     };
