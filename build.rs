@@ -308,7 +308,12 @@ fn write_kernel(code: &mut String, name: &str, path: &str, kernel: &Kernel) -> R
     if scene_wide {
         arguments.push("scene: &crate::shaders::SceneSpec");
     }
-    let values: Vec<_> = spec
+    // What decides nothing makes no pipeline of its own.
+    let modules = [Some(&kernel.plain), kernel.ray_query.as_ref()];
+    let alive: Vec<_> = modules.into_iter().flatten().map(|words| reflect::spec_defaults(words)).collect();
+    let used: Vec<_> =
+        spec.iter().filter(|constant| alive.iter().any(|ids| ids.contains_key(&constant.id))).collect();
+    let values: Vec<_> = used
         .iter()
         .map(|constant| {
             let field = constant.name.to_lowercase();
@@ -319,7 +324,7 @@ fn write_kernel(code: &mut String, name: &str, path: &str, kernel: &Kernel) -> R
             }
         })
         .collect();
-    writeln!(code, "/// The kernel, specialised.\n#[must_use]\n#[allow(clippy::unnecessary_cast, trivial_numeric_casts)]\npub fn kernel({}) -> Kernel<Bind, Params> {{ Kernel::new(&CODE, vec![{}]) }}", arguments.join(", "), values.join(", ")).unwrap();
+    writeln!(code, "/// The kernel, specialised.\n#[must_use]\n#[allow(clippy::unnecessary_cast, trivial_numeric_casts, unused_variables)]\npub fn kernel({}) -> Kernel<Bind, Params> {{ Kernel::new(&CODE, vec![{}]) }}", arguments.join(", "), values.join(", ")).unwrap();
 
     writeln!(code, "/// Interface and SPIR-V.\npub static CODE: KernelCode = KernelCode {{ name: Cow::Borrowed({path:?}), workgroup: {workgroup:?}, params_size: {}, uses_scene: {uses_scene},", params.size).unwrap();
     code.push_str("bindings: Cow::Borrowed(&[");
@@ -344,7 +349,7 @@ fn write_kernel(code: &mut String, name: &str, path: &str, kernel: &Kernel) -> R
         )
         .unwrap();
     }
-    let ids: Vec<_> = spec.iter().map(|constant| constant.id).collect();
+    let ids: Vec<_> = used.iter().map(|constant| constant.id).collect();
     writeln!(code, "]),\nspec_ids: Cow::Borrowed(&{ids:?}),").unwrap();
     match &kernel.ray_query {
         None => code.push_str("modules: Modules::Plain(Cow::Borrowed(&SPIRV)) };\n"),

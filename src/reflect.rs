@@ -246,8 +246,8 @@ fn without_conditions(words: &[u32]) -> Vec<u32> {
     simpler
 }
 
-/// `spirq` does not report the constants' defaults.
-fn spec_defaults(words: &[u32]) -> BTreeMap<u32, u32> {
+/// Specialization constants of a module by id, which `spirq` does not report the defaults of.
+pub(crate) fn spec_defaults(words: &[u32]) -> BTreeMap<u32, u32> {
     const DECORATE: u32 = 71;
     const SPEC_ID: u32 = 1;
     const SPEC_CONSTANT_TRUE: u32 = 48;

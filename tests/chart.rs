@@ -276,6 +276,44 @@ fn a_sweep_goes_on_where_it_was_cut_short() {
     assert_eq!(folder.json("third/data.json")["reference"]["spp"], 258);
 }
 
+/// The general pipeline is timed where the grid asks for it; what was measured without is measured again.
+#[test]
+fn a_grid_may_ask_what_the_general_pipeline_takes() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    let sweep = "[[sweep]]\npreset = 'paper-canonical'\nvpl_shoot.vpls = 9\n[[sweep]]\nmethod = 'path'\npath_trace.spp = 1";
+    let cells = || {
+        let csv = folder.text("report/data.csv");
+        let lines: Vec<Vec<String>> =
+            csv.lines().map(|line| line.split(',').map(String::from).collect()).collect();
+        let column = |name: &str| lines[0].iter().position(|cell| cell == name).unwrap();
+        let [ms, general, gain] = ["ms", "general_ms", "gain"].map(column);
+        lines[1..].iter().map(|line| [ms, general, gain].map(|i| line[i].clone())).collect::<Vec<_>>()
+    };
+    let lines = || folder.text("report/journal.jsonl").lines().count();
+    folder.write("grid.toml", sweep);
+    folder.chart(&["--seeds", "1"]);
+    assert!(points(&folder.json("report/data.json")).iter().all(|point| point["general_ms"].is_null()));
+    assert!(cells().iter().all(|[_, general, gain]| general.is_empty() && gain.is_empty()));
+    assert_eq!(lines(), 1 + 2);
+
+    folder.write("grid.toml", &format!("general = true\n{sweep}"));
+    folder.chart(&["--seeds", "1"]);
+    assert_eq!(lines(), 1 + 4);
+    let data = folder.json("report/data.json");
+    for (point, cells) in points(&data).iter().zip(cells()) {
+        let [ms, general, gain] = cells.map(|cell| cell.parse::<f64>().unwrap());
+        assert!(general > 0.0 && general == number(&point["general_ms"]), "{point}");
+        assert!((gain * ms / general - 1.0).abs() < 1e-9);
+    }
+
+    // It is there for all who ask, and for those who do not.
+    folder.chart(&["--seeds", "1"]);
+    folder.write("grid.toml", sweep);
+    folder.chart(&["--seeds", "1"]);
+    assert_eq!((lines(), &folder.json("report/data.json")["complete"]), (1 + 4, &json!(true)));
+}
+
 #[test]
 fn a_setting_that_fails_is_told_and_stops_nothing() {
     let Some(_device) = common::device() else { return };

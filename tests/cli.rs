@@ -444,7 +444,20 @@ fn files_hold_what_was_asked_for() {
     assert!(picture.channels["N.Z"].iter().all(|&z| (z - 1.0).abs() < 1e-5));
     let (_, _, texts) = png(&folder, "b.png");
     assert_eq!(texts["Exposure"], "-1.50 EV");
-    assert_eq!(folder.json("s.json")["settings"]["seed"], 7);
+    let stats = folder.json("s.json");
+    assert_eq!(stats["settings"]["seed"], 7);
+
+    // What is left out is listed with what it would cost, the dearest first.
+    let schema = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/stats.schema.json")).unwrap();
+    let schema: Value = serde_json::from_slice(&schema).unwrap();
+    common::check_schema(&schema, &schema, &stats, "stats").unwrap();
+    let features = stats["economy"]["features"].as_array().unwrap();
+    let times: Vec<f64> = features.iter().map(|feature| feature["ms"].as_f64().unwrap()).collect();
+    assert!(times.is_sorted_by(|a, b| a >= b) && times.iter().all(|ms| *ms > 0.0), "{times:?}");
+    for name in ["mirrors", "glass", "textures of base colour", "alpha masks", "spot lights", "environment"] {
+        assert!(features.iter().any(|feature| feature["name"] == name), "{name} of {features:?}");
+        assert!(stdout(&output).contains(&format!("\n  {name} ")), "{name}: {}", stdout(&output));
+    }
 }
 
 /// Radiance is the same whatever a screen is shown, and the picture's texts say what it is.
