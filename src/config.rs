@@ -121,9 +121,10 @@ pub struct Preset {
 }
 
 /// What every preset begins with: the paper's VPLs, every acceleration off, and Lambertian surfaces and mirrors alone.
-const CANONICAL: [&str; 10] = [
+const CANONICAL: [&str; 11] = [
     "vpl_shoot.vpls=180",
     "pixel_samples=1",
+    "indirect.compensation=0",
     "indirect.visibility=exact",
     "indirect.box_split=auto",
     "indirect.downsample=1",
@@ -281,6 +282,7 @@ impl RenderConfig {
         within("whitted.specular_depth", self.whitted.specular_depth, 0..=16)?;
         within("whitted.mirror_roughness", self.whitted.mirror_roughness, 0.0..=1.0)?;
         within("whitted.light_samples", self.whitted.light_samples, 1..=4096)?;
+        within("indirect.compensation", self.indirect.compensation, 0..=64)?;
         within("indirect.downsample", self.indirect.downsample, 1..=16)?;
         within("indirect.interleave", self.indirect.interleave, 1..=3)?;
         within("indirect.depth_threshold", self.indirect.depth_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
@@ -476,6 +478,7 @@ mod tests {
             "indirect.interleave=2",
             "indirect.pattern=irregular",
             "indirect.filter=combined",
+            "indirect.compensation=2",
         ] {
             strange.apply_override(assignment).unwrap();
         }
@@ -516,6 +519,7 @@ mod tests {
             ("whitted.mirror_roughness", "0.25"),
             ("whitted.light_samples", "64"),
             ("indirect.min_distance", "0.5"),
+            ("indirect.compensation", "4"),
             ("indirect.downsample", "4"),
             ("indirect.upsample", "\"plane\""),
             ("indirect.interleave", "3"),
@@ -617,6 +621,7 @@ mod tests {
             ("indirect.min_distance=-0.1", "indirect.min_distance"),
             ("indirect.min_distance=inf", "indirect.min_distance"),
             ("indirect.min_distance=1e300", "indirect.min_distance"),
+            ("indirect.compensation=65", "indirect.compensation"),
             ("indirect.downsample=0", "indirect.downsample"),
             ("indirect.downsample=17", "indirect.downsample"),
             ("indirect.interleave=0", "indirect.interleave"),

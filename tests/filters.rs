@@ -108,8 +108,8 @@ fn describe(c: &IndirectConfig) -> String {
     let visibility = c.visibility.name();
     let (n, m) = (c.downsample, c.interleave);
     format!(
-        "{visibility}, split {:?}, {n}x, {m}x, {:?}, {:?}, {:?}",
-        c.box_split, c.filter, c.upsample, c.pattern
+        "{visibility}, split {:?}, {n}x, {m}x, {:?}, {:?}, {:?}, {} paths",
+        c.box_split, c.filter, c.upsample, c.pattern, c.compensation
     )
 }
 
@@ -149,10 +149,10 @@ fn bits(values: &[f32]) -> Vec<u32> {
 
 // ---- switches ----
 
-/// A choice of each switch: visibility, box_split, downsample, upsample, interleave, pattern, filter.
-const CHOICES: [usize; 7] = [4, 2, 4, 2, 3, 2, 2];
+/// A choice of each switch: visibility, box_split, downsample, upsample, interleave, pattern, filter, compensation.
+const CHOICES: [usize; 8] = [4, 2, 4, 2, 3, 2, 2, 2];
 
-fn switched(choice: [usize; 7]) -> RenderConfig {
+fn switched(choice: [usize; 8]) -> RenderConfig {
     let mut config = config([48, 36], [1, 2, 3, 4][choice[2]], choice[4] as u32 + 1);
     config.indirect = IndirectConfig {
         visibility: Visibility::ALL[choice[0]],
@@ -160,13 +160,14 @@ fn switched(choice: [usize; 7]) -> RenderConfig {
         upsample: UPSAMPLES[choice[3]],
         pattern: PATTERNS[choice[5]],
         filter: FILTERS[choice[6]],
+        compensation: [0, 2][choice[7]],
         ..config.indirect
     };
     config
 }
 
 /// Every combination that is valid.
-fn product() -> Vec<[usize; 7]> {
+fn product() -> Vec<[usize; 8]> {
     let all = (0..CHOICES.iter().product()).map(|mut i: usize| {
         CHOICES.map(|n| {
             let choice = i % n;
@@ -178,17 +179,17 @@ fn product() -> Vec<[usize; 7]> {
 }
 
 /// The pairs of choices that a combination holds.
-fn pairs(choice: [usize; 7]) -> impl Iterator<Item = [usize; 4]> {
-    (0..7).flat_map(move |a| (a + 1..7).map(move |b| [a, choice[a], b, choice[b]]))
+fn pairs(choice: [usize; 8]) -> impl Iterator<Item = [usize; 4]> {
+    (0..8).flat_map(move |a| (a + 1..8).map(move |b| [a, choice[a], b, choice[b]]))
 }
 
 /// Few combinations that hold every pair of choices that any holds: always that with the most new ones.
-fn all_pairs() -> Vec<[usize; 7]> {
+fn all_pairs() -> Vec<[usize; 8]> {
     let product = product();
     let mut left: BTreeSet<_> = product.iter().flat_map(|&choice| pairs(choice)).collect();
     let mut table = Vec::new();
     while !left.is_empty() {
-        let new = |choice: &&[usize; 7]| pairs(**choice).filter(|pair| left.contains(pair)).count();
+        let new = |choice: &&[usize; 8]| pairs(**choice).filter(|pair| left.contains(pair)).count();
         let best = *product.iter().max_by_key(new).unwrap();
         pairs(best).for_each(|pair| {
             left.remove(&pair);
@@ -204,14 +205,18 @@ fn every_pair_of_switches_renders_the_closed_box() {
     let Some((_guard, device)) = common::device() else { return };
     let (scene, camera) = closed_box();
     let mut renderer = software(&device, scene);
-    let canonical = picture(&mut renderer, &switched([0; 7]), &camera);
-    let (expected, beauty) = (mean(irradiance(&canonical)), mean(&canonical.beauty.data));
+    let canonical = [0, 1].map(|choice| {
+        let frame = picture(&mut renderer, &switched([0, 0, 0, 0, 0, 0, 0, choice]), &camera);
+        (mean(irradiance(&frame)), mean(&frame.beauty.data))
+    });
+    assert!(canonical[1].0 > 1.05 * canonical[0].0, "{canonical:?}");
     let table = all_pairs();
     println!("{} of {} combinations", table.len(), product().len());
     for choice in table {
         let config = switched(choice);
         let frame = picture(&mut renderer, &config, &camera);
         let what = describe(&config.indirect);
+        let (expected, beauty) = canonical[choice[7]];
         assert!(
             irradiance(&frame).iter().chain(&frame.beauty.data).all(|v| v.is_finite() && *v >= 0.0),
             "{what}"
@@ -231,8 +236,9 @@ fn every_switch_alone_is_the_same_on_both_backends() {
     let (scene, camera) = closed_box();
     let [mut software, mut ray_query] =
         [Backend::Software, Backend::RayQuery].map(|backend| renderer_on(&device, backend, scene.clone()));
-    let alone: [&[&str]; 10] = [
+    let alone: [&[&str]; 11] = [
         &[],
+        &["compensation=2"],
         &["visibility=boxes"],
         &["visibility=boxes-plane"],
         &["visibility=boxes", "box_split=0.5"],
@@ -281,11 +287,15 @@ fn every_combination_of_switches_is_planned() {
         assert_eq!(has("indirect/combined"), !paper && n * m > 1, "{what}");
         let regathers = c.upsample == Upsample::Plane && (n > 1 || !paper && m > 1);
         assert_eq!(has("indirect/regather"), regathers, "{what}");
+        let compensates = plan.passes.iter().filter(|pass| pass.path.starts_with("indirect/compensate"));
+        let expected = if c.compensation > 0 { 1 + usize::from(regathers) } else { 0 };
+        assert_eq!(compensates.count(), expected, "{what}");
         assert!(plan.culled.iter().all(|culled| !culled.path.starts_with("indirect")), "{what}");
     }
 }
 
-/// The words that choose among filters mean nothing where there is nothing to filter: the same graph, the same bits.
+/// The words that choose among filters mean nothing where there is nothing to filter, nor does compensation where no
+/// distance takes light: the same graph, the same bits.
 #[test]
 fn off_means_off() {
     let (scene, camera) = clutter();
@@ -295,9 +305,15 @@ fn off_means_off() {
     (off.indirect.upsample, off.indirect.pattern, off.indirect.filter) = words;
     let [a, b] = [&canonical, &off].map(|config| renderer::plan(&scene, config, &[], &Typical).unwrap());
     assert_eq!(a.json(&[]), b.json(&[]));
-    let extra = ["geometry", "interleave", "upsample", "combined", "regather", "missing"];
+    let extra = ["geometry", "interleave", "upsample", "combined", "regather", "missing", "compensate"];
     assert!(a.passes.iter().all(|pass| extra.iter().all(|name| !pass.path.contains(name))));
     assert!(a.resources.iter().all(|resource| extra.iter().all(|name| !resource.name.contains(name))));
+    let json = |compensation| {
+        let mut config = canonical.clone();
+        (config.indirect.compensation, config.indirect.min_distance) = (compensation, Some(0.0));
+        renderer::plan(&scene, &config, &[], &Typical).unwrap().json(&[])
+    };
+    assert_eq!(json(0), json(4));
     let Some((_guard, device)) = common::device() else { return };
     let mut renderer = software(&device, scene);
     let before = picture(&mut renderer, &canonical, &camera);
@@ -306,6 +322,7 @@ fn off_means_off() {
     // Nothing stays behind from pictures with everything on.
     let mut on = off.clone();
     (on.indirect.downsample, on.indirect.interleave, on.indirect.visibility) = (4, 3, Visibility::BoxesPlane);
+    on.indirect.compensation = 2;
     assert!(bits(irradiance(&picture(&mut renderer, &on, &camera))) != bits(irradiance(&before)));
     let after = picture(&mut renderer, &off, &camera);
     assert!(bits(&after.beauty.data) == bits(&before.beauty.data));
@@ -351,6 +368,12 @@ fn crops_hold_the_pixels_of_the_whole_picture() {
     let single = picture(&mut renderer, &RenderConfig { pixel_samples: 1, ..sampled.clone() }, &camera);
     assert!(picture(&mut renderer, &sampled, &camera).beauty != single.beauty);
     assert_crops(&mut renderer, &sampled, &camera, &[[21, 17, 30, 23]]);
+    sampled.indirect.upsample = Upsample::Plane;
+    sampled.indirect.compensation = 3;
+    for (n, m) in [(1, 1), (3, 2)] {
+        (sampled.indirect.downsample, sampled.indirect.interleave) = (n, m);
+        assert_crops(&mut renderer, &sampled, &camera, &[[21, 17, 30, 23]]);
+    }
 }
 
 /// Pictures smaller than a window or a tile. A single pixel is its own sample.

@@ -13,6 +13,7 @@ const uint COUNT_GATHER = 5u;
 const uint COUNT_REGATHER = 6u;
 const uint COUNT_PATH_TRACE = 7u;
 const uint COUNT_GLOSSY = 8u;
+const uint COUNT_COMPENSATE = 9u;
 const uint COUNTER_LANES = 256u; // spread over cells: less contention, and no overflow of 32 bits
 
 void count_rays(uint counter, uint rays) {

@@ -123,7 +123,7 @@ impl Kernels {
 }
 
 /// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
-pub(crate) const RAY_COUNTERS: [&str; 9] = [
+pub(crate) const RAY_COUNTERS: [&str; 10] = [
     "vpl_shoot/paths",
     "gbuffer/primary",
     "whitted/direct",
@@ -133,6 +133,7 @@ pub(crate) const RAY_COUNTERS: [&str; 9] = [
     "indirect/regather",
     "path_trace/trace",
     "indirect/glossy",
+    "indirect/compensate",
 ];
 
 /// Cells a counter is spread over.

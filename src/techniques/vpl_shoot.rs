@@ -64,6 +64,8 @@ pub struct Vpls {
     pub slots: u32,
     /// Most VPLs a subset can have.
     pub subset_slots: u32,
+    /// Most VPLs a path can leave.
+    pub bounces: u32,
 }
 
 /// What light paths left behind, with the gaps of those that ended early.
@@ -93,7 +95,7 @@ pub fn compact(g: &mut Graph<'_>, config: &VplShootConfig, paths: &Paths, subset
         let params = compact::Params { paths: config.paths(), bounces: config.bounces, subsets };
         g.pass("compact", &compact::kernel(), bind, params, Grid::Of([1, 1, 1]));
         let subset_slots = config.paths().div_ceil(subsets) * config.bounces;
-        Vpls { list, count, slots: config.slots(), subset_slots }
+        Vpls { list, count, slots: config.slots(), subset_slots, bounces: config.bounces }
     })
 }
 

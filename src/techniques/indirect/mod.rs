@@ -29,6 +29,7 @@
 //! `boxes-plane` and 0.65 to 0.85 under `boxes-inline`: nearly as many nodes are visited, but a third fewer leaves. In
 //! `builtin:office` all take the same.
 
+mod compensate;
 mod downsample;
 mod gather;
 mod glossy;
@@ -47,6 +48,8 @@ pub struct IndirectConfig {
     /// More hides the splotches around VPLs and darkens corners; 0 keeps all light and its infinite variance.
     /// Absent: ½·√(A/N) for a scene of area A and N VPLs (ours: the paper does not say).
     pub min_distance: Option<f32>,
+    /// Paths, 0 … 64, from each gather sample to what is nearer than `min_distance`.
+    pub compensation: u32,
     /// What blocks light from VPLs.
     pub visibility: Visibility,
     /// Longest edge (m), above 0, that a bounding box may have before its triangle is split, for `boxes` and
@@ -93,6 +96,7 @@ impl Default for IndirectConfig {
     fn default() -> Self {
         Self {
             min_distance: None,
+            compensation: 0,
             visibility: Visibility::Exact,
             box_split: None,
             downsample: 1,
@@ -241,6 +245,12 @@ struct Scope<'a> {
     min_distance: f32,
 }
 
+impl Scope<'_> {
+    fn compensates(&self) -> bool {
+        self.config.compensation > 0 && self.min_distance > 0.0
+    }
+}
+
 /// The grid of gather samples.
 struct SampleGrid {
     /// The whole picture's cell that the first sample stands for.
@@ -287,7 +297,13 @@ pub fn gather(
     let first_cell = gbuffer.origin.map(|pixel| pixel / config.downsample);
     let end = |axis: usize| (gbuffer.origin[axis] + window[axis]).div_ceil(config.downsample);
     let extent = [0, 1].map(|axis| end(axis) - first_cell[axis]);
-    let gathered = g.group("indirect", |g| gather::gather(g, &s, &SampleGrid { first_cell, extent }));
+    let gathered = g.group("indirect", |g| {
+        let gathered = gather::gather(g, &s, &SampleGrid { first_cell, extent });
+        if s.compensates() {
+            compensate::compensate(g, &s, gathered);
+        }
+        gathered
+    });
     Samples { gathered, min_distance }
 }
 
@@ -332,6 +348,9 @@ pub fn reconstruct(
         };
         let regathered = (config.upsample == Upsample::Plane).then(|| {
             gather::regather(g, &s, missing, irradiance);
+            if s.compensates() {
+                compensate::compensate_missing(g, &s, missing, irradiance);
+            }
             missing.args
         });
         Indirect { irradiance, regathered }

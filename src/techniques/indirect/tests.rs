@@ -171,7 +171,7 @@ fn upload_vpls(g: &mut Graph<'_>, vpls: &[Vpl], subsets: u32) -> Vpls {
     g.upload("vpls", buffer, bytemuck::cast_slice(&list).to_vec());
     let counts = g.buffer("count", 4 * count.len() as u64);
     g.upload("count", counts, bytemuck::cast_slice(&count).to_vec());
-    Vpls { list: buffer, count: counts, slots, subset_slots }
+    Vpls { list: buffer, count: counts, slots, subset_slots, bounces: 1 }
 }
 
 // ---- filters ----

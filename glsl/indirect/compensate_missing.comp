@@ -1,0 +1,45 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// As compensate.comp, at the listed pixels.
+const uint REGATHER_PIXELS = 4u; // as in missing.glsl
+layout(local_size_x = REGATHER_PIXELS, local_size_y = 16) in;
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "indirect/compensate.glsl"
+
+layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
+layout(set = 1, binding = 1, scalar) readonly buffer List { uint pixels[]; } list;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint count; } args;
+layout(set = 1, binding = 3, rgba32f) uniform image2D irradiance;
+layout(push_constant) uniform Params { uint paths; uint vertices; float min_distance; } params;
+
+const uint PARTS = gl_WorkGroupSize.y;
+shared vec3 parts[PARTS][REGATHER_PIXELS];
+
+void main() {
+    uint part = gl_LocalInvocationID.y, column = gl_LocalInvocationID.x;
+    uint index = gl_WorkGroupID.x * REGATHER_PIXELS + column;
+    bool inside = index < args.count;
+    ivec2 pixel = ivec2(0);
+    uint rays = 0u;
+    if (inside) {
+        pixel = ivec2(list.pixels[index] & 0xffffu, list.pixels[index] >> 16);
+        Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
+        face(surface, direction_to_camera(surface.position));
+        Receiver x = receiver_at(surface);
+        uint seed = compensation_seed(pixel);
+        vec3 sum = vec3(0.0);
+        for (uint i = part; i < params.paths; i += PARTS) {
+            sum += lost_light(x, i, seed, params.vertices, params.min_distance, rays);
+        }
+        parts[part][column] = sum;
+    }
+    barrier();
+    if (inside && part == 0u) {
+        vec3 sum = vec3(0.0);
+        for (uint i = 0u; i < PARTS; ++i) sum += parts[i][column];
+        sum = imageLoad(irradiance, pixel).rgb + sum / float(params.paths);
+        imageStore(irradiance, pixel, vec4(sum, 1.0));
+    }
+    count_rays(COUNT_COMPENSATE, rays);
+}

@@ -1,0 +1,44 @@
+//! What bounding VPLs takes from irradiance, given back by short paths from the receiver (Kollig & Keller 2004).
+
+use super::{Missing, Scope};
+use crate::graph::{Graph, Grid, Image, Res};
+use crate::shaders::indirect::{compensate as kernel, compensate_missing as missing_kernel};
+
+/// Rays of one thread of a pass, bounded as [`super::RANGE`] is.
+const RAYS: u32 = 256;
+
+/// Adds what is lost to the irradiance at the samples.
+pub(super) fn compensate(g: &mut Graph<'_>, s: &Scope<'_>, irradiance: Res<Image>) {
+    let (config, vertices) = (s.config, s.vpls.bounces);
+    let step = (RAYS / (2 * vertices)).max(1);
+    for first in (0..config.compensation).step_by(step as usize) {
+        let bind = kernel::Bind { hits: s.gbuffer.hits, albedo: s.gbuffer.albedo, irradiance };
+        let spec = kernel::Spec {
+            downsample: config.downsample,
+            interleave: config.interleave,
+            irregular: config.irregular(),
+        };
+        let params = kernel::Params {
+            first,
+            last: first + step,
+            paths: config.compensation,
+            vertices,
+            min_distance: s.min_distance,
+        };
+        let kernel = kernel::kernel(spec, &s.kernels.scene);
+        g.pass("compensate", &kernel, bind, params, Grid::Over(irradiance));
+    }
+}
+
+/// The same for the listed pixels.
+pub(super) fn compensate_missing(g: &mut Graph<'_>, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
+    let bind =
+        missing_kernel::Bind { hits: s.gbuffer.hits, list: missing.list, args: missing.args, irradiance };
+    let params = missing_kernel::Params {
+        paths: s.config.compensation,
+        vertices: s.vpls.bounces,
+        min_distance: s.min_distance,
+    };
+    let grid = Grid::Indirect { buffer: missing.args, offset: 0 };
+    g.pass("compensate", &missing_kernel::kernel(&s.kernels.scene), bind, params, grid);
+}
