@@ -656,7 +656,7 @@ fn compensation_gives_back_what_clamping_takes() {
             config.indirect.compensation = paths;
             mean(&irradiance_at(&mut renderer, &config, &centre_camera(), &samples).indirect) / full
         };
-        let (without, with) = (share(0), share(4));
+        let (without, with) = (share(0), share(64));
         println!("{bounces} bounces: {:+.2} %, {:+.2} %", 100.0 * (without - 1.0), 100.0 * (with - 1.0));
         assert!(without < 0.88, "{bounces} bounces: {without} of the light");
         assert!((with - 1.0).abs() < 0.006, "{bounces} bounces: {with} of the light");

@@ -4,13 +4,16 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "indirect/compensate.glsl"
 #include "indirect/grid.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
 layout(set = 1, binding = 2, rgba32f) uniform image2D irradiance;
+layout(set = 1, binding = 3, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 4, scalar) readonly buffer Count { uint vpls; } count;
 layout(push_constant) uniform Params { uint first; uint last; uint paths; uint vertices; float min_distance; } params;
+
+#include "indirect/compensate.glsl"
 
 void main() {
     ivec2 index = ivec2(gl_GlobalInvocationID.xy);

@@ -1,6 +1,7 @@
 // Irradiance that bounding the geometry term takes (Kollig & Keller 2004, "Illumination in the Presence of Weak
-// Singularities"): ∫ (1 − f(d)) L cosθ dω over what is nearer than 1.2 m, by paths from the receiver. Their vertices are
-// those at which light paths leave VPLs, each lit by one light chosen in proportion to power.
+// Singularities"): ∫ (1 − f(d)) L cosθ dω over what is nearer than 1.2 m, by a path from the receiver. Each vertex is lit
+// by one light, chosen in proportion to power, by one VPL, bounded as others are, and, for what that takes, by the next
+// vertex. Expects `vpls` and `count`.
 #ifndef INDIRECT_COMPENSATE_GLSL
 #define INDIRECT_COMPENSATE_GLSL
 
@@ -13,7 +14,7 @@
 // Sample sets of a path: a vertex takes three.
 const uint SET_DIRECTION = 0u;
 const uint SET_LIGHT = 1u;
-const uint SET_LIGHT_CHOICE = 2u;
+const uint SET_CHOICE = 2u;
 const uint SETS_A_VERTEX = 3u;
 
 // Every pixel and every sample of it has another.
@@ -34,31 +35,41 @@ vec3 arriving_light(Receiver x, vec3 u, inout uint rays) {
     return trace_any(from, light.direction, 0.0, light.distance) ? vec3(0.0) : cosine * light.radiance_over_pdf;
 }
 
+// The same from one VPL of those that `bounces` diffuse hits at most have left.
+vec3 arriving_vpl(Receiver x, float u, uint bounces, float min_distance, inout uint rays) {
+    if (count.vpls == 0u) return vec3(0.0);
+    Vpl vpl = vpls.data[min(uint(u * float(count.vpls)), count.vpls - 1u)];
+    if (vpl.bounce >= bounces) return vec3(0.0);
+    vec3 arriving = unshadowed(vpl, x, min_distance);
+    if (arriving == vec3(0.0)) return arriving;
+    ++rays;
+    vec3 from = offset_origin(vpl.position, vpl.normal), to = offset_origin(x.position, x.geometric_normal);
+    return trace_any(from, to - from, 0.0, 1.0) ? vec3(0.0) : float(count.vpls) * arriving;
+}
+
 // W/m² at the receiver by path `i`, of at most `vertices` beyond it.
 vec3 lost_light(Receiver x, uint i, uint seed, uint vertices, float min_distance, inout uint rays) {
-    Receiver at = x;
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
-    float reach = 1.2 * min_distance;
-    for (uint v = 0u; v < vertices; ++v) {
+    for (uint v = 1u; v <= vertices; ++v) {
         uint set = seed + SETS_A_VERTEX * v;
         // Density cosθ/π: π times the next vertex' radiance ρ/π · E is ρ · E.
-        vec3 direction = basis_around(at.normal) * sample_cosine_hemisphere(sobol(i, hash(set + SET_DIRECTION)));
-        if (dot(at.geometric_normal, direction) <= 0.0) break;
+        vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(set + SET_DIRECTION)));
+        if (dot(x.geometric_normal, direction) <= 0.0) break;
+        vec3 origin = offset_origin(x.position, x.geometric_normal);
         Hit hit;
         ++rays;
-        if (!trace_closest(offset_origin(at.position, at.geometric_normal), direction, 0.0, reach, hit)) break;
+        if (!trace_closest(origin, direction, 0.0, 1.2 * min_distance, hit)) break;
         Surface surface = surface_at(hit);
+        if (is_glass(surface.material)) break;
         face(surface, -direction);
-        throughput *= is_glass(surface.material) ? vec3(0.0) : diffuse_albedo(surface.material);
-        if (v == 0u) {
-            float d = distance(x.position, surface.position);
-            throughput *= 1.0 - smooth_step(0.8 * min_distance, 1.2 * min_distance, d);
-        }
+        float d = distance(x.position, surface.position);
+        throughput *= diffuse_albedo(surface.material) * (1.0 - smooth_step(0.8 * min_distance, 1.2 * min_distance, d));
         if (throughput == vec3(0.0)) break;
-        at = receiver_at(surface);
-        vec3 u = vec3(sobol(i, hash(set + SET_LIGHT_CHOICE)).x, sobol(i, hash(set + SET_LIGHT)));
-        sum += throughput * arriving_light(at, u, rays);
-        reach = 1.0 / 0.0;
+        x = receiver_at(surface);
+        vec2 choice = sobol(i, hash(set + SET_CHOICE));
+        vec3 arriving = arriving_light(x, vec3(choice.x, sobol(i, hash(set + SET_LIGHT))), rays);
+        if (v < vertices) arriving += arriving_vpl(x, choice.y, vertices - v, min_distance, rays);
+        sum += throughput * arriving;
     }
     return sum;
 }

@@ -5,13 +5,16 @@ const uint REGATHER_PIXELS = 4u; // as in missing.glsl
 layout(local_size_x = REGATHER_PIXELS, local_size_y = 16) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "indirect/compensate.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, scalar) readonly buffer List { uint pixels[]; } list;
 layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint count; } args;
 layout(set = 1, binding = 3, rgba32f) uniform image2D irradiance;
+layout(set = 1, binding = 4, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 5, scalar) readonly buffer Count { uint vpls; } count;
 layout(push_constant) uniform Params { uint paths; uint vertices; float min_distance; } params;
+
+#include "indirect/compensate.glsl"
 
 const uint PARTS = gl_WorkGroupSize.y;
 shared vec3 parts[PARTS][REGATHER_PIXELS];

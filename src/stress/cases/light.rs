@@ -31,6 +31,7 @@ pub(super) const CASES: &[Case] = &[
         variants: &[
             holds(Igi, &[]),
             fails(Igi, &["indirect.min_distance=0"], "without a least distance the spots stay"),
+            holds(Igi, &["indirect.compensation=16"]),
             holds(Path, &[]),
         ],
         measure: |lab, config| against_reference(lab, config, &CREASE, Part::Indirect, excess),
@@ -45,6 +46,7 @@ pub(super) const CASES: &[Case] = &[
         variants: &[
             fails(Igi, &[], "m = ½·√(A/N) is 18 cm here, which would take 8 % of walls lit evenly"),
             holds(Igi, &["vpl_shoot.vpls=4096"]),
+            holds(Igi, &["indirect.compensation=4"]),
             holds(Path, &[]),
         ],
         measure: clamp,

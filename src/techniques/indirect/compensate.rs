@@ -10,9 +10,10 @@ const RAYS: u32 = 256;
 /// Adds what is lost to the irradiance at the samples.
 pub(super) fn compensate(g: &mut Graph<'_>, s: &Scope<'_>, irradiance: Res<Image>) {
     let (config, vertices) = (s.config, s.vpls.bounces);
-    let step = (RAYS / (2 * vertices)).max(1);
+    let step = (RAYS / (3 * vertices)).max(1);
     for first in (0..config.compensation).step_by(step as usize) {
-        let bind = kernel::Bind { hits: s.gbuffer.hits, albedo: s.gbuffer.albedo, irradiance };
+        let (hits, albedo, vpls, count) = (s.gbuffer.hits, s.gbuffer.albedo, s.vpls.list, s.vpls.count);
+        let bind = kernel::Bind { hits, albedo, irradiance, vpls, count };
         let spec = kernel::Spec {
             downsample: config.downsample,
             interleave: config.interleave,
@@ -32,8 +33,9 @@ pub(super) fn compensate(g: &mut Graph<'_>, s: &Scope<'_>, irradiance: Res<Image
 
 /// The same for the listed pixels.
 pub(super) fn compensate_missing(g: &mut Graph<'_>, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
-    let bind =
-        missing_kernel::Bind { hits: s.gbuffer.hits, list: missing.list, args: missing.args, irradiance };
+    let Missing { list, args } = missing;
+    let (hits, vpls, count) = (s.gbuffer.hits, s.vpls.list, s.vpls.count);
+    let bind = missing_kernel::Bind { hits, list, args, irradiance, vpls, count };
     let params = missing_kernel::Params {
         paths: s.config.compensation,
         vertices: s.vpls.bounces,

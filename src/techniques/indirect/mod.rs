@@ -7,6 +7,7 @@
 //! shine as Lambertians.
 //!
 //! Bias: f drops light from VPLs nearer than m; in a convex box about 4/(3π) · m · ΣL_edge / A of one bounce.
+//! [`IndirectConfig::compensation`] gives it back, as noise.
 //! Cost: a shadow ray for every pixel and VPL that face each other; nearly all of a frame.
 //!
 //! Imperfect visibility ([`Visibility`]; Marques & Santos 2010, §4.1) lets triangles' bounding boxes block these rays.
@@ -48,7 +49,26 @@ pub struct IndirectConfig {
     /// More hides the splotches around VPLs and darkens corners; 0 keeps all light and its infinite variance.
     /// Absent: ½·√(A/N) for a scene of area A and N VPLs (ours: the paper does not say).
     pub min_distance: Option<f32>,
-    /// Paths, 0 … 64, from each gather sample to what is nearer than `min_distance`.
+    /// Paths, 0 … 64, that each gather sample sends to what is nearer than 1.2 of `min_distance`, to find the light that
+    /// bounding takes (Kollig & Keller 2004): ∫ (1 − f(d)) L cosθ dω, L by a light, a VPL and, for what bounding takes
+    /// there, a next vertex. 0: none, and no pass. With any, irradiance at primary hits has the mean of
+    /// `min_distance` 0, without its infinite variance. More: less of the noise that comes in its place, which is grain
+    /// and bright pixels rather than splotches; time in proportion, one ray each, three more where it meets something.
+    /// Bias falls at any number; relMSE only where much is lost and paths are many. Against path tracing of diffuse light (120×90, relMSE and bias; means of three seeds):
+    ///
+    /// | | 0 | 1 | 4 | 16 |
+    /// |---|---|---|---|---|
+    /// | Office, 180 VPLs | 0.058, −6.3 % | 0.59, +0.2 % | 0.14, +0.1 % | 0.090, +0.2 % |
+    /// | Office, 1440 | 0.023, −1.6 % | 0.056, +0.5 % | 0.064, +0.6 % | 0.031, +0.5 % |
+    /// | Conference room, 180 | 0.085, −20 % | 0.66, −2.3 % | 0.16, −2.9 % | 0.067, −2.9 % |
+    /// | Conference room, 1440 | 0.057, −14 % | 0.29, −1.4 % | 0.12, −1.8 % | 0.090, −1.6 % |
+    ///
+    /// The references' own noise is 0.015 of it; bias that is left is that of few VPLs (5760 leave −0.2 %). Rays, of the
+    /// gather's: 180 VPLs 1.5 % a path, 1440 VPLs 0.15 %; time on a CPU 3 % and 0.2 % of it a path.
+    ///
+    /// Bias: light that comes to the near surface from a light by way of mirrors or glass stays lost, and so does what
+    /// points behind mirrors and glass and glossy lobes lose (0.1 % of the Office's light, less of the Conference
+    /// room's). Rays meet triangles whatever the visibility.
     pub compensation: u32,
     /// What blocks light from VPLs.
     pub visibility: Visibility,
