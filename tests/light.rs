@@ -764,6 +764,8 @@ fn compensation_equals_path_tracing() {
                 config.seed = seed;
                 let frame = picture(&mut renderer, &config, &camera, &[Aov::Indirect]);
                 light += mean(&frame.aovs[0].1.data) / 4.0;
+                let counted = frame.passes.iter().find(|pass| pass.path == "indirect/compensate");
+                assert_eq!(counted.is_some_and(|pass| pass.rays > Some(0)), paths > 0);
             }
             light / expected - 1.0
         };

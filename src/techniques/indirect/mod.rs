@@ -54,7 +54,8 @@ pub struct IndirectConfig {
     /// there, a next vertex. 0: none, and no pass. With any, irradiance at primary hits has the mean of
     /// `min_distance` 0, without its infinite variance. More: less of the noise that comes in its place, which is grain
     /// and bright pixels rather than splotches; time in proportion, one ray each, three more where it meets something.
-    /// Bias falls at any number; relMSE only where much is lost and paths are many. Against path tracing of diffuse light (120×90, relMSE and bias; means of three seeds):
+    /// Any number takes the bias away; relMSE falls only where much is lost and paths are many. Against path tracing of
+    /// diffuse light (120×90, relMSE and bias; means of three seeds):
     ///
     /// | | 0 | 1 | 4 | 16 |
     /// |---|---|---|---|---|
@@ -63,8 +64,9 @@ pub struct IndirectConfig {
     /// | Conference room, 180 | 0.085, −20 % | 0.66, −2.3 % | 0.16, −2.9 % | 0.067, −2.9 % |
     /// | Conference room, 1440 | 0.057, −14 % | 0.29, −1.4 % | 0.12, −1.8 % | 0.090, −1.6 % |
     ///
-    /// The references' own noise is 0.015 of it; bias that is left is that of few VPLs (5760 leave −0.2 %). Rays, of the
-    /// gather's: 180 VPLs 1.5 % a path, 1440 VPLs 0.15 %; time on a CPU 3 % and 0.2 % of it a path.
+    /// The references' own noise is 0.015 of it; bias that is left is that of few VPLs (5760 leave −0.2 % in the
+    /// Conference room). Rays, of the gather's: 180 VPLs 1.5 % a path, 1440 VPLs 0.15 %; time on a CPU 3 % and 0.2 % of
+    /// it a path.
     ///
     /// Bias: light that comes to the near surface from a light by way of mirrors or glass stays lost, and so does what
     /// points behind mirrors and glass and glossy lobes lose (0.1 % of the Office's light, less of the Conference
