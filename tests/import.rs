@@ -1386,7 +1386,7 @@ fn profiles_count_what_triangles_use() {
     assert_eq!(of(metal(0.1)), SceneProfile { mirrors: true, ..plain.clone() });
     assert_eq!(of(metal(0.11)), SceneProfile { rough_lobes: true, ..plain.clone() });
     let plastic = Material { metallic: 0.0, ..metal(0.0) };
-    assert_eq!(of(plastic.clone()), SceneProfile { mirrors: true, ..plain.clone() });
+    assert_eq!(of(plastic.clone()), SceneProfile { mirrors: true, polished: true, ..plain.clone() });
     assert_eq!(of(Material { ior: 1.0, ..plastic.clone() }), plain, "an index of 1 does not reflect");
     assert_eq!(of(Material { specular: 0.0, ..plastic.clone() }), plain);
     assert_eq!(

@@ -186,15 +186,31 @@ pub struct Probe<'a> {
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
 }
 
-/// Samples a pixel of a probe's reference.
+/// Samples a pixel of a probe's reference on a CPU, …
 const REFERENCE: u32 = 128;
+
+/// … and elsewhere time for as many as a chart's has: errors near its noise cannot be told apart.
+const REFERENCE_TIME: Duration = Duration::from_secs(10);
+
+/// Settings that a probe tries beside the small grid where time is not short.
+const FINER: &str = "
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = [1440, 2880, 5760]
+    vpl_shoot.bounces = [3, 8]
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = 1440
+    vpl_shoot.bounces = 8
+    indirect.downsample = [1, 2]
+";
 
 /// Samples a pixel of its path tracing, which predicts all others.
 const SPP: u32 = 4;
 
 /// Predicts a front by small renders. On a CPU, where time is short, of an eighth and a quarter of the picture's width and
-/// height: times follow by the line through both, errors are taken as they are. Elsewhere of the picture's own size: a GPU
-/// is not busy with less.
+/// height: times follow by the line through both, errors are taken as they are. Elsewhere of the picture's own size, since
+/// a GPU is not busy with less, and of more settings.
 ///
 /// # Errors
 /// As for [`Renderer::render`].
@@ -204,8 +220,11 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
     let sizes = if cpu { vec![part(8), part(4)] } else { vec![probe.size] };
     let largest = sizes[sizes.len() - 1];
     let base = base(probe.size);
-    let mut settings = grid::settings("small", &base)
-        .map_err(|error| ConfigError::Value { key: "grid".into(), problem: error.to_string() })?;
+    let bad_grid = |problem: String| ConfigError::Value { key: "grid".into(), problem };
+    let mut settings = grid::settings("small", &base).map_err(|error| bad_grid(error.to_string()))?;
+    if !cpu {
+        settings.extend(grid::parse(FINER, &base).map_err(bad_grid)?);
+    }
     settings.retain(|setting| setting.config.method != Method::Path);
     let mut path = RenderConfig { method: Method::Path, ..base };
     path.path_trace.spp = SPP;
@@ -229,8 +248,8 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
     let request = ReferenceRequest {
         camera: probe.camera,
         size: largest,
-        spp: Some(REFERENCE),
-        time: Duration::MAX,
+        spp: cpu.then_some(REFERENCE),
+        time: REFERENCE_TIME,
         depth: reference::DEPTH,
         file: std::path::Path::new(""),
         cancel: probe.cancel,
