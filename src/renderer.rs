@@ -141,7 +141,7 @@ pub struct FrameRequest<'a> {
     /// Features to model although the scene has none of them: the picture is the same (see [`Renderer::unneeded`]).
     pub modelled: &'a [Feature],
     /// Further ways to draw this frame that are timed only, turn and turn about with it: each models these features
-    /// instead of `modelled`.
+    /// instead of `modelled`, and takes all its samples, whatever `time`, `noise` and `resume` leave of them.
     pub beside: &'a [&'a [Feature]],
     /// What a progressive method goes on from.
     pub resume: Option<&'a Resume>,
@@ -450,6 +450,7 @@ impl Renderer {
         let mut totals = Vec::new();
         let mut beside = vec![Vec::new(); request.beside.len()];
         let mut wall_ms = 0.0;
+        let mut peak_device_bytes = 0;
         let mut frame = None;
         for run in 0..runs {
             let ways = 1.0 + request.beside.len() as f64;
@@ -484,10 +485,14 @@ impl Renderer {
             if counts {
                 totals.push(rendered.total);
             }
+            if picture {
+                peak_device_bytes = self.device.memory().peak;
+            }
             // In the first run too: it makes their kernels.
             for (way, &modelled) in request.beside.iter().enumerate().filter(|_| counts || picture) {
                 let report = |progress: Progress<'_>| report_way(way + 1, progress);
-                let other = FrameRequest { modelled, preview: None, ..*request };
+                let whole = FrameRequest { time: None, noise: None, resume: None, preview: None, ..*request };
+                let other = FrameRequest { modelled, ..whole };
                 let once = Once { picture: false, pass_times, counters: None, progress: &report };
                 let rendered = render(self, config, camera, &other, &once)?;
                 if counts {
@@ -505,7 +510,7 @@ impl Renderer {
             beside_ms: beside.into_iter().filter_map(median).collect(),
             wall_ms,
             rays: rays.values().sum(),
-            peak_device_bytes: self.device.memory().peak,
+            peak_device_bytes,
             ..frame
         })
     }

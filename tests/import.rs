@@ -1391,7 +1391,7 @@ fn profiles_count_what_triangles_use() {
     assert_eq!(of(Material { specular: 0.0, ..plastic.clone() }), plain);
     assert_eq!(
         of(Material { transmission: 0.5, ..plastic.clone() }),
-        SceneProfile { glass: true, ..plain.clone() }
+        SceneProfile { glass: true, polished: true, ..plain.clone() }
     );
     assert_eq!(
         of(Material { unlit: true, ..plastic.clone() }),

@@ -111,7 +111,8 @@ impl Front {
         Self { about, candidates }.with_longer_paths()
     }
 
-    /// Adds path tracing with more samples than there is: its time grows in proportion, its error falls so.
+    /// Adds path tracing with more samples than there is, a fifth more each: its time grows in proportion, its error
+    /// falls so.
     fn with_longer_paths(mut self) -> Self {
         const SPP: &str = "path_trace.spp";
         let spp = |candidate: &Candidate| candidate.settings.get(SPP).and_then(Value::as_u64);
@@ -129,14 +130,17 @@ impl Front {
         };
         let longest: Vec<Candidate> = self.candidates.iter().filter(most).cloned().collect();
         for path in longest {
-            for factor in (1..=16).map(|power| 1_u64 << power) {
-                let samples = spp(&path).unwrap_or(1) * factor;
-                if samples > u64::from(crate::config::MAX_SPP) {
-                    break;
+            let first = spp(&path).unwrap_or(1);
+            let longer = (1..=64)
+                .map(|quarter| (first as f64 * 2.0_f64.powf(f64::from(quarter) / 4.0)).round() as u64);
+            let mut last = first;
+            for samples in longer.filter(|&samples| samples <= u64::from(crate::config::MAX_SPP)) {
+                if std::mem::replace(&mut last, samples) == samples {
+                    continue;
                 }
                 let mut settings = path.settings.clone();
                 settings.insert(SPP.into(), samples.into());
-                let factor = factor as f64;
+                let factor = samples as f64 / first as f64;
                 self.candidates.push(Candidate {
                     label: format!("path spp={samples}"),
                     settings,
@@ -189,7 +193,7 @@ pub struct Probe<'a> {
 /// Samples a pixel of a probe's reference on a CPU, …
 const REFERENCE: u32 = 128;
 
-/// … and elsewhere time for as many as a chart's has: errors near its noise cannot be told apart.
+/// … and elsewhere time for them: errors near its noise cannot be told apart.
 const REFERENCE_TIME: Duration = Duration::from_secs(10);
 
 /// Settings that a probe tries beside the small grid where time is not short.
@@ -399,6 +403,15 @@ mod tests {
         }
     }
 
+    /// No test machine has a GPU's time.
+    #[test]
+    fn finer_settings_are_others_than_the_small_grids() {
+        let base = base([64, 48]);
+        let small = grid::settings("small", &base).unwrap();
+        let finer = grid::parse(FINER, &base).unwrap();
+        assert!(finer.iter().all(|a| small.iter().all(|b| a.config != b.config)) && finer.len() == 8);
+    }
+
     #[test]
     fn a_front_of_rays_answers_with_its_best() {
         let front = Front::of_chart(&chart([100, 100]), [100, 100]);
@@ -413,10 +426,10 @@ mod tests {
         assert_eq!(front.candidates[7].rel_mse, 0.9);
         assert_eq!(label(Wish::RelMse(0.055)), ("igi 180 VPLs", true));
         // VPLs keep their bias: only paths get there, with more samples than were measured.
-        assert_eq!(label(Wish::RelMse(0.02)), ("path spp=128", true));
+        assert_eq!(label(Wish::RelMse(0.02)), ("path spp=108", true));
         let found = choose(&front.candidates, Wish::RelMse(0.02)).unwrap().candidate;
-        assert!((found.ms - 1280.0).abs() < 1e-9 && (found.rel_mse - 2.0 / 128.0).abs() < 1e-12);
-        assert_eq!(found.settings["path_trace.spp"], 128);
+        assert!((found.ms - 1080.0).abs() < 1e-9 && (found.rel_mse - 2.0 / 108.0).abs() < 1e-12);
+        assert_eq!(found.settings["path_trace.spp"], 108);
         assert_eq!(label(Wish::Ms(700.0)), ("path spp=64", true));
         assert!(choose(&[], Wish::Ms(1.0)).is_none());
     }

@@ -5,8 +5,7 @@ use super::data::{Chart, Spread};
 use std::collections::BTreeSet;
 
 /// A line of names, then one for each point: what it is, what it took, also by a general pipeline and what the special
-/// one gains, its errors, its settings. Cells of what a point
-/// does not have are empty.
+/// one gains, its errors, its settings. Cells of what a point does not have are empty.
 pub(super) fn csv(chart: &Chart) -> String {
     let keys: BTreeSet<&String> = chart.points.iter().flat_map(|point| point.settings.keys()).collect();
     let front = front_of(&chart.points, "rel_mse");

@@ -267,8 +267,8 @@ pub(super) struct Render {
     /// Write a resource as a pass leaves it; repeatable (`parhelion graph` shows the names).
     #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", value_parser = tap)]
     pub(super) tap: Vec<(String, PathBuf)>,
-    /// Print what this scene does not need and is left out, and why; then render on and print what each of these things
-    /// would cost.
+    /// Print what this scene does not need and is left out, and why; then print what each of these things would cost, by
+    /// two further frames or more for each of some twenty
     #[arg(long)]
     pub(super) explain: bool,
 }

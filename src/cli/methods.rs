@@ -1,7 +1,7 @@
 //! `parhelion methods`.
 
 use super::args::Methods;
-use super::{Failure, check_folder, extension, input};
+use super::{Failure, extension, input};
 use parhelion::docs::{self, Measurements};
 use parhelion::output;
 use std::ffi::OsStr;
@@ -16,9 +16,15 @@ pub(super) fn run(args: &Methods) -> Result<(), Failure> {
         return Err(input!("{}: the page is written as .md", file.display()));
     };
     output::check_writable(file).map_err(Failure::input)?;
-    check_folder::<&str>(&folder, "page's pictures", [])?;
+    if folder.exists() && !folder.is_dir() {
+        return Err(input!("{}: a file; the page's pictures go to a folder of this name", folder.display()));
+    }
     let page = Measurements::read(&args.chart, args.stress.as_deref())?.page(stem)?;
-    if !folder.is_dir() {
+    if folder.is_dir() {
+        for (name, _) in &page.files {
+            output::check_writable(&folder.join(name)).map_err(Failure::input)?;
+        }
+    } else {
         fs::create_dir(&folder).map_err(|source| output::Error { file: folder.clone(), source })?;
     }
     for (name, bytes) in &page.files {

@@ -120,17 +120,22 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let what = write(file, &origin, &config, &frame)?;
         let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
     }
-    let economy = if args.explain && !interrupt::CANCEL.load(Ordering::SeqCst) {
-        reporter.stage("economy", &name);
-        let economy = economy::measure(&mut renderer, &config, &camera, args.repeat, &progress)?;
-        report.push_str(&economy.table());
-        Some(economy)
-    } else {
-        None
-    };
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
         output::write_exr(file, &tapped(tap, layer))?;
         let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
+    }
+    // What has been rendered is told, whatever becomes of this.
+    let mut failed = None;
+    let mut economy = None;
+    if args.explain && !interrupt::CANCEL.load(Ordering::SeqCst) {
+        reporter.stage("economy", &name);
+        match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
+            Ok(measured) => {
+                report.push_str(&measured.table());
+                economy = Some(measured);
+            }
+            Err(error) => failed = Some(error),
+        }
     }
     if let Some(file) = &args.stats {
         let stats = stats(args, &config, &camera, &renderer, &profile, &frame, &outputs, economy.as_ref());
@@ -140,6 +145,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     drop(reporter);
     if !args.common.quiet {
         print(&report)?;
+    }
+    if let Some(error) = failed {
+        return Err(error.into());
     }
     // A progressive picture that was cut short is written, and is no success.
     let cut =

@@ -188,8 +188,7 @@ impl GpuScene {
             let coat = material.clearcoat.filter(|_| !material.unlit).unwrap_or_default();
             let scale = |map: Option<NormalMap>| map.map_or(1.0, |map| map.scale);
             let mut absorption = Vec3::ZERO;
-            let glass = material.transmission > 0.0 && material.metallic < 1.0 && !material.unlit;
-            if let Some(volume) = material.volume.filter(|_| glass) {
+            if let Some(volume) = material.volume.filter(|_| material.may_transmit()) {
                 flags |= MATERIAL_SOLID;
                 // Beer–Lambert: attenuation_color = exp(−σ · attenuation_distance).
                 let color = volume.attenuation_color.max(Vec3::splat(1e-10));

@@ -91,6 +91,22 @@ impl Material {
             ..Self::default()
         }
     }
+
+    /// Whether some of it may be no metal: a texture of metalness may hold any value up to the factor.
+    fn may_be_dielectric(&self) -> bool {
+        self.metallic < 1.0 || self.metallic_roughness_texture.is_some()
+    }
+
+    /// Whether light may pass through some of it.
+    pub(crate) fn may_transmit(&self) -> bool {
+        !self.unlit && self.transmission > 0.0 && self.may_be_dielectric()
+    }
+
+    /// Whether some of it may have a diffuse base that is not black.
+    pub(crate) fn may_scatter(&self) -> bool {
+        let opaque = self.transmission < 1.0 || self.transmission_texture.is_some();
+        !self.unlit && opaque && self.may_be_dielectric() && self.base_color.truncate() != Vec3::ZERO
+    }
 }
 
 /// A texture of a material and what it stands for.

@@ -145,11 +145,11 @@ impl SceneProfile {
             material.specular * material.specular_color.max_element() > 0.0 && material.ior > 1.0;
         let specular = material.metallic > 0.0 || dielectric;
         let smooth = material.roughness <= mirror_roughness;
-        let glass = material.transmission > 0.0 && material.metallic < 1.0;
+        let glass = material.may_transmit();
         let textured = material.metallic_roughness_texture.is_some();
+        // Where some is glass, kernels that model glass let what mirrors mirror.
         self.mirrors |= specular && (smooth || textured) && !glass;
-        let diffuse = material.metallic < 1.0 && material.transmission < 1.0;
-        self.polished |= dielectric && diffuse && smooth && material.base_color.truncate() != Vec3::ZERO;
+        self.polished |= dielectric && smooth && material.may_scatter();
         self.rough_lobes |= specular && !smooth;
         self.glass |= glass;
         self.rough_glass |= glass && !smooth;

@@ -32,9 +32,9 @@ impl Kernels {
         Self { profile: profile.clone(), lights, scene: Self::specialised(profile, stack_depth) }
     }
 
-    /// Models these, too: the picture stays the same.
+    /// Models these, too: the picture stays the same. Comes before [`Self::with_indirect`].
     #[must_use]
-    pub fn modelling(self, features: &[Feature]) -> Self {
+    pub(crate) fn modelling(self, features: &[Feature]) -> Self {
         let profile = features.iter().fold(self.profile, |profile, &feature| profile.with(feature));
         let deep = features.contains(&Feature::DeepStructure);
         let stack_depth = if deep { MAX_STACK_DEPTH } else { self.scene.stack_depth };

@@ -31,7 +31,6 @@ pub(super) const CASES: &[Case] = &[
         variants: &[
             holds(Igi, &[]),
             fails(Igi, &["indirect.min_distance=0"], "without a least distance the spots stay"),
-            holds(Igi, &["indirect.compensation=16"]),
             holds(Path, &[]),
         ],
         measure: |lab, config| against_reference(lab, config, &CREASE, Part::Indirect, excess),
