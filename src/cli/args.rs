@@ -317,6 +317,10 @@ pub(super) struct Chart {
 }
 
 #[derive(clap::Args)]
+#[command(mut_arg("size", |size| size.help(format!(
+    "Width and height in pixels, each 1 to 16384; bounds and verdicts are meant for the default [default: {}x{}]",
+    stress::SIZE[0], stress::SIZE[1]
+))))]
 pub(super) struct Stress {
     #[command(flatten)]
     pub(super) machine: Machine,
@@ -531,6 +535,12 @@ mod tests {
         let [width, height] = config.size;
         let graph = command.find_subcommand_mut("graph").unwrap().render_long_help().to_string();
         assert!(graph.contains(&format!("[default: {}]", config.method.name())), "{graph}");
+        let stress = command.find_subcommand_mut("stress").unwrap().render_long_help().to_string();
+        let [columns, rows] = stress::SIZE;
+        assert!(
+            stress.contains(&format!("[default: {columns}x{rows}]")) && !stress.contains("800x600"),
+            "{stress}"
+        );
         for (option, default) in [
             ("--size", format!("{width}x{height}")),
             ("--method", config.method.name().into()),
