@@ -44,8 +44,8 @@ pub(super) fn chosen(
         None => match Front::cached(renderer, camera, size) {
             Some(front) => front,
             None => {
-                reporter.stage("probe", "methods and settings");
                 interrupt::heeded();
+                reporter.stage("probe", "methods and settings");
                 let progress = |progress: Progress<'_>| reporter.progress(progress);
                 let request =
                     Probe { camera, size, cancel: Some(&interrupt::CANCEL), progress: Some(&progress) };

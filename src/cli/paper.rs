@@ -29,8 +29,8 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     reporter.stage("build", &name);
     let mut renderer = Renderer::new(&device, scene, &paper::renderer_options(args.common.backend.into()))?;
 
-    reporter.stage("render", &name);
     interrupt::heeded();
+    reporter.stage("render", &name);
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
     let repeat = args.repeat.unwrap_or(if device.info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
     let experiment = Experiment {

@@ -64,8 +64,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let origin = Origin::of(&renderer, &camera);
     let resume = args.resume.as_deref().map(|file| resume(file, args, &config, &origin)).transpose()?;
 
-    reporter.stage("render", &name);
     interrupt::heeded();
+    reporter.stage("render", &name);
     let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
     // What can't be written shows when the last picture is.

@@ -28,8 +28,8 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
     let reporter = Reporter::new(&args.machine);
     let select = args.machine.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
-    reporter.stage("stress", args.only.as_deref().unwrap_or("all scenes"));
     interrupt::heeded();
+    reporter.stage("stress", args.only.as_deref().unwrap_or("all scenes"));
     let progress = |progress: Progress<'_>| reporter.progress(progress);
     let options = Options {
         only: args.only.as_deref(),
