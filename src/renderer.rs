@@ -607,21 +607,19 @@ impl Renderer {
     /// [`FrameRequest::modelled`] it is drawn by a pipeline that is not specialised to the scene.
     #[must_use]
     pub fn unneeded(&self, config: &RenderConfig) -> Vec<Feature> {
-        let specialised = self.kernels_modelling(config, &[]);
+        let kernels = self.kernels(config.whitted.mirror_roughness);
+        let modelling = |features: &[Feature]| modelling(kernels.clone(), config, features);
+        let specialised = modelling(&[]);
         let costs = |feature: &Feature| match (feature, config.method, self.backend) {
             // Only paths end at what they find.
             (Feature::Unlit, Method::Igi, _) | (Feature::DeepStructure, _, Backend::RayQuery) => false,
-            _ => !self.kernels_modelling(config, &[*feature]).same_as(&specialised),
+            _ => !modelling(&[*feature]).same_as(&specialised),
         };
         Feature::ALL.iter().copied().filter(costs).collect()
     }
 
     fn kernels_modelling(&self, config: &RenderConfig, features: &[Feature]) -> Kernels {
-        let kernels = self.kernels(config.whitted.mirror_roughness).modelling(features);
-        match config.method {
-            Method::Igi => kernels.with_indirect(&config.indirect),
-            Method::Path => kernels,
-        }
+        modelling(self.kernels(config.whitted.mirror_roughness), config, features)
     }
 
     /// Images that average pixel samples, beauty first; none for a single sample.
@@ -759,6 +757,15 @@ struct Once<'a> {
     pass_times: bool,
     counters: Option<&'a vk::Buffer>,
     progress: &'a dyn Fn(Progress<'_>),
+}
+
+/// The kernels for a frame, which model these, too.
+fn modelling(kernels: Kernels, config: &RenderConfig, features: &[Feature]) -> Kernels {
+    let kernels = kernels.modelling(features);
+    match config.method {
+        Method::Igi => kernels.with_indirect(&config.indirect),
+        Method::Path => kernels,
+    }
 }
 
 /// What one render of all pixel samples came to.

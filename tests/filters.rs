@@ -3,6 +3,8 @@
 
 mod common;
 
+use common::mean;
+
 use common::quad;
 
 use std::collections::BTreeSet;
@@ -133,10 +135,6 @@ fn tapped(
     let frame = renderer.render(config, camera, &request).unwrap();
     let words = frame.taps.iter().map(|(_, tap)| tap.data.iter().map(|v| v.to_bits()).collect()).collect();
     (frame, words)
-}
-
-fn mean(values: &[f32]) -> f64 {
-    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
 }
 
 fn close(a: &[f32], b: &[f32]) -> bool {

@@ -3,6 +3,8 @@
 
 mod common;
 
+use common::{assert_close, mean};
+
 use common::quad;
 
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
@@ -213,15 +215,6 @@ fn irradiance_at(
     let mut run = renderer.run(g, config, camera).unwrap();
     let mut first = |ticket| run.take(ticket).iter().map(|texel: &[f32; 4]| texel[0]).collect::<Vec<f32>>();
     Irradiance { direct: first(direct), indirect: first(indirect) }
-}
-
-fn mean(values: &[f32]) -> f64 {
-    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
-}
-
-fn assert_close(what: &str, got: f64, expected: f64, tolerance: f64) {
-    let error = got / expected - 1.0;
-    assert!(error.abs() <= tolerance, "{what}: {got} instead of {expected} ({:+.3} %)", 100.0 * error);
 }
 
 fn centre_camera() -> Camera {

@@ -6,6 +6,8 @@
 
 mod common;
 
+use common::{assert_close, mean};
+
 use common::quad;
 
 use glam::{Affine3A, Vec3};
@@ -99,16 +101,6 @@ fn picture(renderer: &mut Renderer, config: &RenderConfig, camera: &Camera) -> V
     let data = renderer.render(config, camera, &FrameRequest::default()).unwrap().beauty.data;
     assert!(data.iter().all(|v| v.is_finite() && *v >= 0.0));
     data
-}
-
-fn mean(values: &[f32]) -> f64 {
-    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
-}
-
-fn assert_close(what: &str, got: f64, expected: f64, tolerance: f64) {
-    let error = got / expected - 1.0;
-    println!("{what}: {got} ({:+.3} %)", 100.0 * error);
-    assert!(error.abs() <= tolerance, "{what}: {got} instead of {expected} ({:+.3} %)", 100.0 * error);
 }
 
 // ---- statistics ----

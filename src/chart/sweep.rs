@@ -132,9 +132,9 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
             let [width, height] = setting.config.size;
             let mut config = RenderConfig { size: [width.min(64), height.min(48)], ..setting.config.clone() };
             config.path_trace.spp = 1;
-            let general = renderer.unneeded(&config);
-            let beside: &[&[Feature]] = if setting.general { &[&general] } else { &[] };
-            let request = FrameRequest { beside, cancel: sweep.cancel, ..FrameRequest::default() };
+            let general = setting.general.then(|| renderer.unneeded(&config));
+            let beside: Vec<&[Feature]> = general.as_deref().into_iter().collect();
+            let request = FrameRequest { beside: &beside, cancel: sweep.cancel, ..FrameRequest::default() };
             // What fails here fails again below, where it is told.
             let _ = renderer.render(&config, sweep.camera, &request);
         }
@@ -196,11 +196,11 @@ fn measure(
     steps: &mut Steps<'_>,
 ) -> Result<Measured, output::Error> {
     let progress = |progress: Progress<'_>| steps.report(setting, progress);
-    let general = renderer.unneeded(config);
-    let beside: &[&[Feature]] = if setting.general { &[&general] } else { &[] };
+    let general = setting.general.then(|| renderer.unneeded(config));
+    let beside: Vec<&[Feature]> = general.as_deref().into_iter().collect();
     let request = FrameRequest {
         repeat: sweep.repeat,
-        beside,
+        beside: &beside,
         cancel: sweep.cancel,
         progress: Some(&progress),
         ..FrameRequest::default()

@@ -2,7 +2,7 @@
 
 use super::args::Chart;
 use super::progress::Reporter;
-use super::{Failure, check_folder, input, interrupt, print, scene};
+use super::{Failure, folder, input, interrupt, print, scene};
 use parhelion::chart::choose::Front;
 use parhelion::chart::sweep::{self, FILES};
 use parhelion::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
@@ -13,7 +13,6 @@ use parhelion::techniques::path_trace::PixelFilter;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -28,7 +27,7 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     let depth = args.reference_depth.unwrap_or(reference::DEPTH);
     let base = base(args, depth)?;
     let settings = grid::settings(&args.grid, &base).map_err(|error| input!("--grid: {error}"))?;
-    let folder = folder(args)?;
+    let folder = folder(args.output.as_deref(), &args.common, "-chart", FILES)?;
     let given = args.reference.as_deref().map(|file| Reference::read(file, base.size));
     let given = given.transpose().map_err(|error| input!("--reference: {error}"))?;
     interrupt::listen()?;
@@ -100,31 +99,16 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     print(&text)
 }
 
-/// What every setting begins with. Paths begin at pixels' centres, as the other methods' do, and are as long as the
-/// reference's.
+/// Paths begin at pixels' centres, as the other methods' do, and are as long as the reference's.
 fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
-    let mut base = RenderConfig::default();
-    base.size = args.common.size.unwrap_or(base.size);
-    base.seed = args.common.seed.unwrap_or(base.seed);
+    let mut base = super::base(&args.common)?;
     base.path_trace.pixel_filter = PixelFilter::Center;
     base.path_trace.max_depth = Some(depth);
     base.validate().map_err(|error| match error {
-        ConfigError::Value { key, problem } if key == "size" => input!("--size: {problem}"),
         ConfigError::Value { problem, .. } => input!("--reference-depth: {problem}"),
         error => error.into(),
     })?;
     Ok(base)
-}
-
-/// Where the report goes, known to be writable before anything is computed; made when there is something to write.
-fn folder(args: &Chart) -> Result<PathBuf, Failure> {
-    let folder = args.output.clone().unwrap_or_else(|| {
-        let mut name = scene::stem(&args.common);
-        name.push("-chart");
-        name.into()
-    });
-    check_folder(&folder, "report", FILES)?;
-    Ok(folder)
 }
 
 impl From<sweep::Error> for Failure {

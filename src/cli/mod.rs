@@ -19,14 +19,14 @@ mod stress;
 mod table;
 
 use clap::Parser;
-use parhelion::config::ConfigError;
+use parhelion::config::{ConfigError, RenderConfig};
 use parhelion::renderer;
 use parhelion::scene::{LoadOptions, Scene, SceneError, builtin};
 use parhelion::{denoise, output, vk};
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Why a command stops, and the exit code that says so.
@@ -132,6 +132,38 @@ fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
 /// A file name's extension in lower case.
 fn extension(file: &Path) -> Option<String> {
     file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase)
+}
+
+/// What every setting of a report begins with: the defaults, at the size and seed that are asked for.
+fn base(machine: &args::Machine) -> Result<RenderConfig, Failure> {
+    let mut base = RenderConfig::default();
+    base.size = machine.size.unwrap_or(base.size);
+    base.seed = machine.seed.unwrap_or(base.seed);
+    base.validate().map_err(|error| match error {
+        ConfigError::Value { key, problem } if key == "size" => input!("--size: {problem}"),
+        error => error.into(),
+    })?;
+    Ok(base)
+}
+
+/// Where the report on a scene goes, known to be writable before anything is computed; made when there is something to
+/// write.
+fn folder<F: AsRef<Path>>(
+    output: Option<&Path>,
+    common: &args::Common,
+    suffix: &str,
+    files: impl IntoIterator<Item = F>,
+) -> Result<PathBuf, Failure> {
+    let folder = output.map_or_else(
+        || {
+            let mut name = scene::stem(common);
+            name.push(suffix);
+            name.into()
+        },
+        PathBuf::from,
+    );
+    check_folder(&folder, "report", files)?;
+    Ok(folder)
 }
 
 /// Checks, before anything is computed, that a folder for a `report` can hold `files`; it may have to be made.

@@ -2,8 +2,7 @@
 
 use super::args::Paper;
 use super::progress::Reporter;
-use super::{Failure, check_folder, input, interrupt, print, scene};
-use parhelion::config::{ConfigError, RenderConfig};
+use super::{Failure, base, folder, interrupt, print, scene};
 use parhelion::output;
 use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
 use parhelion::renderer::{self, Renderer};
@@ -11,14 +10,16 @@ use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Repeats on devices that are no CPU.
 const REPEAT: u32 = 10;
 
 pub(super) fn run(args: &Paper) -> Result<(), Failure> {
-    let base = base(args)?;
-    let folder = folder(args)?;
+    let base = base(&args.common)?;
+    let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
+    let files = ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures);
+    let folder = folder(args.output.as_deref(), &args.common, "-paper", files)?;
     interrupt::listen()?;
     let reporter = Reporter::new(&args.common);
     let name = scene::name(&args.common);
@@ -48,33 +49,6 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     let mut text = report.markdown();
     let _ = writeln!(text, "\n{}: paper.md, paper.json and pictures", folder.display());
     print(&text)
-}
-
-fn base(args: &Paper) -> Result<RenderConfig, Failure> {
-    let mut base = RenderConfig::default();
-    base.size = args.common.size.unwrap_or(base.size);
-    base.seed = args.common.seed.unwrap_or(base.seed);
-    base.validate().map_err(|error| match error {
-        ConfigError::Value { key, problem } if key == "size" => input!("--size: {problem}"),
-        error => error.into(),
-    })?;
-    Ok(base)
-}
-
-/// Where the report goes, known to be writable before anything is computed; made when there is something to write.
-fn folder(args: &Paper) -> Result<PathBuf, Failure> {
-    let folder = args.output.clone().unwrap_or_else(|| {
-        let mut name = scene::stem(&args.common);
-        name.push("-paper");
-        name.into()
-    });
-    let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
-    check_folder(
-        &folder,
-        "report",
-        ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures),
-    )?;
-    Ok(folder)
 }
 
 /// Writes a row's pictures, then the report anew.

@@ -2,8 +2,7 @@
 
 use super::args::Stress;
 use super::progress::Reporter;
-use super::{Failure, check_folder, input, interrupt, print};
-use parhelion::config::SIZE_RANGE;
+use super::{Failure, base, check_folder, interrupt, print};
 use parhelion::output;
 use parhelion::renderer::Progress;
 use parhelion::stress::data::{self, Row, Verdict};
@@ -18,9 +17,7 @@ const PAGE: &str = "index.html";
 const NUMBERS: &str = "stress.json";
 
 pub(super) fn run(args: &Stress) -> Result<(), Failure> {
-    if let Some(side) = args.machine.size.iter().flatten().find(|side| !SIZE_RANGE.contains(side)) {
-        return Err(input!("--size: {side} is not within {} … {}", SIZE_RANGE.start(), SIZE_RANGE.end()));
-    }
+    base(&args.machine)?;
     if let Some(folder) = &args.output {
         check_folder(folder, "page", [PAGE, NUMBERS])?;
     }

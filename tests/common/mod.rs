@@ -16,6 +16,18 @@ use parhelion::scene::Mesh;
 use parhelion::vk::{Device, DeviceOptions};
 use serde_json::Value;
 
+/// Their arithmetic mean.
+pub(crate) fn mean(values: &[f32]) -> f64 {
+    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
+}
+
+/// Fails unless `got` is `expected` but for a share of `tolerance`.
+pub(crate) fn assert_close(what: &str, got: f64, expected: f64, tolerance: f64) {
+    let error = got / expected - 1.0;
+    println!("{what}: {got} ({:+.3} %)", 100.0 * error);
+    assert!(error.abs() <= tolerance, "{what}: {got} instead of {expected} ({:+.3} %)", 100.0 * error);
+}
+
 /// Passes `present` on; where it is false, says that the test is skipped, or fails where `need` is required.
 pub(crate) fn require(need: &str, present: bool, why: &str) -> bool {
     if !present {
