@@ -12,6 +12,7 @@ use parhelion::shaders::test::trace::{Bind, Params, Spec};
 use parhelion::shaders::{self, SceneData, SceneSpec, TestHit, TestRay};
 use parhelion::vk::{Backend, Device, DeviceOptions};
 use std::path::Path;
+use std::sync::Arc;
 
 const SIZE: [usize; 2] = [320, 240];
 const TARGETS: usize = 16;
@@ -30,7 +31,7 @@ impl Bench<'_> {
     fn trace(&self, rays: &[TestRay], any_hit: bool) -> anyhow::Result<(Vec<TestHit>, f64)> {
         let uniform = self.device.upload("scene", bytemuck::bytes_of(&self.data))?;
         let set = self.device.scene_set(self.backend, &uniform, self.structure.top_level())?;
-        let input = self.device.upload("rays", bytemuck::cast_slice(rays))?;
+        let input = Arc::new(self.device.upload("rays", bytemuck::cast_slice(rays))?);
         let mut executor = Executor::new(self.device, self.backend)?;
         let kernel = shaders::test::trace::kernel(Spec { any_hit }, &self.spec);
         let count = rays.len() as u32;

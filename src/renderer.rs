@@ -19,6 +19,7 @@ use crate::vk::{self, DeviceKind, MemoryKind};
 use crate::vk::{Backend, Format};
 use glam::Vec2;
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -405,7 +406,7 @@ impl Renderer {
     ///
     /// # Errors
     /// A graph declared wrongly, or the device's failure.
-    pub fn run(&mut self, graph: Graph<'_>, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
+    pub fn run(&mut self, graph: Graph, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
         config.validate()?;
         self.ensure_boxes(&config.indirect)?;
         self.write_uniform(config, camera, pixel_offset(0, 1), None)?;
@@ -623,13 +624,14 @@ impl Renderer {
     }
 
     /// Images that average pixel samples, beauty first; none for a single sample.
-    fn means(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<Vec<vk::Image>, Error> {
+    fn means(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<Vec<Arc<vk::Image>>, Error> {
         if config.pixel_samples == 1 {
             return Ok(Vec::new());
         }
         let names = std::iter::once("beauty").chain(aovs.iter().map(|aov| aov.name()));
         let extent = Window::of(config).extent;
-        let image = |name| Ok(self.device.image(&format!("mean.{name}"), extent, Format::Rgba32Float)?);
+        let image =
+            |name| Ok(Arc::new(self.device.image(&format!("mean.{name}"), extent, Format::Rgba32Float)?));
         names.map(image).collect()
     }
 
@@ -799,14 +801,14 @@ struct Recorded {
 }
 
 #[expect(clippy::too_many_arguments, reason = "all that decides a frame")]
-fn record<'a>(
-    g: &mut Graph<'a>,
+fn record(
+    g: &mut Graph,
     kernels: &Kernels,
     config: &RenderConfig,
     view: &Window,
     info: &FrameInfo,
     aovs: &[Aov],
-    means: &'a [vk::Image],
+    means: &[Arc<vk::Image>],
     sample: u32,
 ) -> Recorded {
     let method = methods::named(config.method.name());
@@ -815,7 +817,7 @@ fn record<'a>(
     let mut unpacked = layers.geometry;
     for aov in aovs {
         let mut geometry =
-            |g: &mut Graph<'a>| *unpacked.get_or_insert_with(|| gbuffer::unpack(g, kernels, &layers.gbuffer));
+            |g: &mut Graph| *unpacked.get_or_insert_with(|| gbuffer::unpack(g, kernels, &layers.gbuffer));
         images.push(match aov {
             Aov::Albedo => layers.gbuffer.albedo,
             Aov::N | Aov::Depth => geometry(g).normal_depth,
@@ -844,11 +846,7 @@ fn record<'a>(
 }
 
 /// A picture for a screen and its exposure, which glare leaves as it is.
-fn display(
-    g: &mut Graph<'_>,
-    config: &RenderConfig,
-    radiance: Res<Image>,
-) -> (Res<Image>, Res<graph::Buffer>) {
+fn display(g: &mut Graph, config: &RenderConfig, radiance: Res<Image>) -> (Res<Image>, Res<graph::Buffer>) {
     let exposure = tone_map::exposure(g, &config.tone_map, radiance);
     let spread = glare::glare(g, &config.glare, radiance, config.size[1]);
     (tone_map::tone_map(g, &config.tone_map, spread, exposure), exposure)
@@ -860,7 +858,7 @@ fn part<T>(part: Option<T>) -> T {
 }
 
 /// Asks for what each `PASS:RESOURCE` names.
-fn taps(g: &mut Graph<'_>, specs: &[String]) -> Result<Vec<(String, Tap)>, graph::Error> {
+fn taps(g: &mut Graph, specs: &[String]) -> Result<Vec<(String, Tap)>, graph::Error> {
     specs.iter().map(|spec| Ok((spec.clone(), g.tap(spec)?))).collect()
 }
 
@@ -875,7 +873,7 @@ struct Tickets {
 
 impl Tickets {
     /// None where no `picture` is wanted: then everything is made and left on the device.
-    fn take(g: &mut Graph<'_>, config: &RenderConfig, recorded: Recorded, picture: bool) -> Option<Self> {
+    fn take(g: &mut Graph, config: &RenderConfig, recorded: Recorded, picture: bool) -> Option<Self> {
         let (display, exposure) = display(g, config, recorded.images[0]);
         if !picture {
             recorded.images.into_iter().for_each(|image| g.keep(image));

@@ -14,11 +14,7 @@ use std::time::Duration;
 
 type Texels = Vec<[f32; 4]>;
 
-fn image(
-    g: &mut Graph<'_>,
-    size: [u32; 2],
-    texels: &Texels,
-) -> parhelion::graph::Res<parhelion::graph::Image> {
+fn image(g: &mut Graph, size: [u32; 2], texels: &Texels) -> parhelion::graph::Res<parhelion::graph::Image> {
     let image = g.image("radiance", ImageDesc::new(size, Format::Rgba32Float));
     g.upload_image("radiance", image, bytemuck::cast_slice(texels).to_vec());
     image

@@ -8,6 +8,7 @@ use parhelion::graph::{
 use parhelion::shaders::test::{blur, count, groups, layout, noise};
 use parhelion::vk::{Backend, Device, Format, MemoryKind};
 use std::cell::RefCell;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 const DESC: ImageDesc = ImageDesc::new([37, 21], Format::Rgba32Float);
@@ -18,7 +19,7 @@ fn executor(device: &Device) -> Executor {
     Executor::new(device, Backend::Software).unwrap()
 }
 
-fn noise_pass(g: &mut Graph<'_>, name: &'static str, seed: u32, to: Res<Image>) {
+fn noise_pass(g: &mut Graph, name: &'static str, seed: u32, to: Res<Image>) {
     g.pass(
         name,
         &noise::kernel(),
@@ -28,7 +29,7 @@ fn noise_pass(g: &mut Graph<'_>, name: &'static str, seed: u32, to: Res<Image>) 
     );
 }
 
-fn blur_pass(g: &mut Graph<'_>, name: &'static str, source: Res<Image>, to: Res<Image>) {
+fn blur_pass(g: &mut Graph, name: &'static str, source: Res<Image>, to: Res<Image>) {
     g.pass(name, &blur::kernel(), blur::Bind { source, blurred: to }, blur::Params {}, Grid::Over(to));
 }
 
@@ -119,7 +120,7 @@ fn random_graphs_compute_what_the_cpu_does() {
         let images = 2 + round % 6;
         let steps = random_steps(images, &mut state);
         // Imported, and used by one run after the other.
-        let kept = device.image("kept", DESC.extent, DESC.format).unwrap();
+        let kept = Arc::new(device.image("kept", DESC.extent, DESC.format).unwrap());
         let mut first = cpu_noise(99);
         for (run, alias) in [(0, true), (1, false), (2, true)] {
             let mut g = Graph::new();
@@ -151,7 +152,7 @@ fn random_graphs_compute_what_the_cpu_does() {
 }
 
 /// Noise, blurred `n` times from image to image, so that memory can be shared.
-fn chain(g: &mut Graph<'_>, n: u32) -> Res<Image> {
+fn chain(g: &mut Graph, n: u32) -> Res<Image> {
     let mut image = g.image("noise", DESC);
     noise_pass(g, "noise", 5, image);
     g.group("blurs", |g| {
@@ -251,7 +252,7 @@ fn taps_show_what_a_pass_left() {
 #[test]
 fn passes_that_nobody_sees_do_not_run() {
     let Some((_guard, device)) = common::device() else { return };
-    let kept = device.upload("kept", &[1, 0, 0, 0]).unwrap();
+    let kept = Arc::new(device.upload("kept", &[1, 0, 0, 0]).unwrap());
     let mut g = Graph::new();
     let kept = g.import_buffer("kept", &kept);
     let [counts, copy] = ["counts", "copy"].map(|name| g.buffer(name, 4));
@@ -303,7 +304,7 @@ fn transfers_move_the_bytes_they_say() {
     let Some((_guard, device)) = common::device() else { return };
     let mut host = device.buffer("host", 8, MemoryKind::Upload).unwrap();
     host.mapped_mut().unwrap().copy_from_slice(&[1, 2, 3, 4, 5, 6, 7, 8]);
-    let seen = device.buffer("seen", 8, MemoryKind::Readback).unwrap();
+    let (host, seen) = (Arc::new(host), Arc::new(device.buffer("seen", 8, MemoryKind::Readback).unwrap()));
     let mut g = Graph::new();
     let (host, to) = (g.import_buffer("host", &host), g.import_buffer("seen", &seen));
     let bytes = g.buffer("bytes", 16);
@@ -328,8 +329,8 @@ fn transfers_move_the_bytes_they_say() {
 #[test]
 fn one_object_is_one_resource() {
     let Some((_guard, device)) = common::device() else { return };
-    let buffer = device.buffer("buffer", 4, MemoryKind::Device).unwrap();
-    let image = device.image("image", [1, 1], Format::R32Uint).unwrap();
+    let buffer = Arc::new(device.buffer("buffer", 4, MemoryKind::Device).unwrap());
+    let image = Arc::new(device.image("image", [1, 1], Format::R32Uint).unwrap());
     let mut g = Graph::new();
     let (b, i) = (g.import_buffer("one", &buffer), g.import_image("one", &image));
     assert_eq!(AnyRes::from(b), g.import_buffer("two", &buffer).into());
@@ -424,7 +425,7 @@ fn what_cannot_run_says_why() {
             format!("pass `count`, shader `test/count`, variable `grid`: [1, {beyond}, 1] workgroups");
         assert!(error.starts_with(&start), "{error}");
     }
-    let buffer = device.buffer("all", 256, MemoryKind::Device).unwrap();
+    let buffer = Arc::new(device.buffer("all", 256, MemoryKind::Device).unwrap());
     let mut g = Graph::new();
     let all = g.import_buffer("all", &buffer);
     let bind = layout::Bind {

@@ -192,7 +192,7 @@ pub struct Tap {
     pub desc: Desc,
 }
 
-pub(super) type RecordRaw<'a> = Box<dyn FnOnce(&RawContext<'_>) + 'a>;
+pub(super) type RecordRaw = Box<dyn FnOnce(&RawContext<'_>) + Send>;
 
 pub(super) enum Code {
     Static(&'static KernelCode),
@@ -224,7 +224,7 @@ pub(super) struct KernelWork {
     pub(super) dispatch: Dispatch,
 }
 
-pub(super) enum Work<'a> {
+pub(super) enum Work {
     Kernel(KernelWork),
     Fill {
         buffer: u32,
@@ -255,10 +255,10 @@ pub(super) enum Work<'a> {
         ticket: usize,
     },
     /// Taken when it is recorded.
-    Raw(Option<RecordRaw<'a>>),
+    Raw(Option<RecordRaw>),
 }
 
-impl Work<'_> {
+impl Work {
     pub(super) fn noun(&self) -> &'static str {
         match self {
             Self::Kernel(_) => "kernel",
@@ -276,26 +276,26 @@ pub(super) struct Use {
     pub(super) access: Access,
 }
 
-pub(super) struct PassDecl<'a> {
+pub(super) struct PassDecl {
     pub(super) path: String,
     pub(super) uses: Vec<Use>,
-    pub(super) work: Work<'a>,
+    pub(super) work: Work,
 }
 
 /// What an import stands for.
-#[derive(Clone, Copy)]
-pub(super) enum Object<'a> {
+#[derive(Clone, Debug)]
+pub(super) enum Object {
     /// A transient, the scene, or an import that is only declared.
     None,
-    Buffer(&'a vk::Buffer),
-    Image(&'a vk::Image),
+    Buffer(Arc<vk::Buffer>),
+    Image(Arc<vk::Image>),
 }
 
-pub(super) struct ResourceDecl<'a> {
+pub(super) struct ResourceDecl {
     pub(super) name: Cow<'static, str>,
     pub(super) desc: Desc,
     pub(super) imported: bool,
-    pub(super) object: Object<'a>,
+    pub(super) object: Object,
     /// A pass recorded so far writes it, or it is imported.
     written: bool,
 }
@@ -304,10 +304,10 @@ pub(super) struct ResourceDecl<'a> {
 const SCENE: u32 = 0;
 
 /// A list of passes over resources, recorded anew for every frame. See the [module](super) for the rules.
-pub struct Graph<'a> {
+pub struct Graph {
     pub(super) id: u32,
-    pub(super) resources: Vec<ResourceDecl<'a>>,
-    pub(super) passes: Vec<PassDecl<'a>>,
+    pub(super) resources: Vec<ResourceDecl>,
+    pub(super) passes: Vec<PassDecl>,
     /// Where in staging memory the contents of each ticket arrive.
     pub(super) tickets: Vec<Range<u64>>,
     pub(super) upload_bytes: u64,
@@ -320,19 +320,19 @@ pub struct Graph<'a> {
     paths: HashMap<String, u32>,
 }
 
-impl fmt::Debug for Graph<'_> {
+impl fmt::Debug for Graph {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.passes.iter().map(|pass| &pass.path)).finish()
     }
 }
 
-impl Default for Graph<'_> {
+impl Default for Graph {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<'a> Graph<'a> {
+impl Graph {
     /// An empty graph.
     #[must_use]
     pub fn new() -> Self {
@@ -370,10 +370,10 @@ impl<'a> Graph<'a> {
 
     /// An image that exists outside of the graph, whose contents survive it. Passes that write it are never
     /// culled. Importing it again gives the same handle.
-    pub fn import_image(&mut self, name: impl Into<Cow<'static, str>>, image: &'a vk::Image) -> Res<Image> {
+    pub fn import_image(&mut self, name: impl Into<Cow<'static, str>>, image: &Arc<vk::Image>) -> Res<Image> {
         let desc = Desc::Image(ImageDesc::new(image.extent(), image.format()));
-        let same = |object: Object<'_>| matches!(object, Object::Image(other) if std::ptr::eq(other, image));
-        self.import(name.into(), desc, Object::Image(image), same)
+        let same = |object: &Object| matches!(object, Object::Image(other) if Arc::ptr_eq(other, image));
+        self.import(name.into(), desc, Object::Image(Arc::clone(image)), same)
     }
 
     /// A buffer that exists outside of the graph, like [`import_image`](Self::import_image). It may be one the
@@ -381,12 +381,11 @@ impl<'a> Graph<'a> {
     pub fn import_buffer(
         &mut self,
         name: impl Into<Cow<'static, str>>,
-        buffer: &'a vk::Buffer,
+        buffer: &Arc<vk::Buffer>,
     ) -> Res<Buffer> {
         let desc = Desc::Buffer(BufferDesc { size: buffer.size() });
-        let same =
-            |object: Object<'_>| matches!(object, Object::Buffer(other) if std::ptr::eq(other, buffer));
-        self.import(name.into(), desc, Object::Buffer(buffer), same)
+        let same = |object: &Object| matches!(object, Object::Buffer(other) if Arc::ptr_eq(other, buffer));
+        self.import(name.into(), desc, Object::Buffer(Arc::clone(buffer)), same)
     }
 
     /// An imported image without its object: such a graph can be planned and dumped where there is no
@@ -589,7 +588,7 @@ impl<'a> Graph<'a> {
         &mut self,
         name: impl Into<Cow<'static, str>>,
         accesses: &[(AnyRes, Access)],
-        record: impl FnOnce(&RawContext<'_>) + 'a,
+        record: impl FnOnce(&RawContext<'_>) + Send + 'static,
     ) {
         let path = self.path(&name.into());
         let mut uses = Vec::with_capacity(accesses.len());
@@ -698,11 +697,11 @@ impl<'a> Graph<'a> {
         &mut self,
         name: Cow<'static, str>,
         desc: Desc,
-        object: Object<'a>,
-        same: impl Fn(Object<'_>) -> bool,
+        object: Object,
+        same: impl Fn(&Object) -> bool,
     ) -> Res<T> {
         // Two handles of one object would hide its hazards.
-        if let Some(index) = self.resources.iter().position(|decl| same(decl.object)) {
+        if let Some(index) = self.resources.iter().position(|decl| same(&decl.object)) {
             return Res { any: AnyRes { graph: self.id, index: index as u32 }, kind: PhantomData };
         }
         let res: Res<T> = self.resource(name, desc, true);
@@ -726,7 +725,7 @@ impl<'a> Graph<'a> {
         }
     }
 
-    fn push(&mut self, pass: PassDecl<'a>) {
+    fn push(&mut self, pass: PassDecl) {
         for used in pass.uses.iter().filter(|u| u.access.writes()) {
             self.resources[used.resource as usize].written = true;
         }
@@ -863,7 +862,7 @@ impl<'a> Graph<'a> {
         &mut self,
         name: Cow<'static, str>,
         operands: &[(&'static str, AnyRes, Access)],
-        work: impl FnOnce(&[Desc], &[u32]) -> Result<Work<'a>, Mistake>,
+        work: impl FnOnce(&[Desc], &[u32]) -> Result<Work, Mistake>,
     ) {
         let path = self.path(&name);
         let uses = operands.iter().map(|&(variable, resource, access)| {

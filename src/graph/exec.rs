@@ -34,7 +34,7 @@ const GROWTH: f64 = 8.0;
 #[derive(Debug)]
 pub struct Executor {
     // Fields drop in order: objects before the heaps they lie in.
-    objects: Vec<(Transient, TransientObject)>,
+    objects: Vec<(Transient, Object)>,
     heaps: Vec<(super::Heap, vk::Heap)>,
     uploads: Option<vk::Buffer>,
     readbacks: Option<vk::Buffer>,
@@ -47,12 +47,6 @@ pub struct Executor {
 
 /// What a transient's Vulkan object depends on.
 type Transient = (Desc, Placement);
-
-#[derive(Debug)]
-enum TransientObject {
-    Buffer(vk::Buffer),
-    Image(vk::Image),
-}
 
 /// A pass whose milliseconds a workgroup are known: path, kernel and workgroups.
 type RateKey = (String, Option<String>, Option<[u32; 3]>);
@@ -183,8 +177,8 @@ impl RawContext<'_> {
         }
     }
 
-    fn object(&self, resource: AnyRes) -> Object<'_> {
-        resource.index_in(self.graph).map_or(Object::None, |index| self.frame.objects[index as usize])
+    fn object(&self, resource: AnyRes) -> &Object {
+        resource.index_in(self.graph).map_or(&Object::None, |index| &self.frame.objects[index as usize])
     }
 }
 
@@ -242,7 +236,7 @@ impl Executor {
     ///
     /// # Errors
     /// Mistakes of the graph, [`Error::Cancelled`], and whatever the device says.
-    pub fn run(&mut self, mut graph: Graph<'_>, options: &RunOptions<'_>) -> Result<Run, Error> {
+    pub fn run(&mut self, mut graph: Graph, options: &RunOptions<'_>) -> Result<Run, Error> {
         let plan = graph.plan_with(&self.device, options.alias)?;
         if cfg!(debug_assertions) {
             super::check(&plan)?;
@@ -258,11 +252,10 @@ impl Executor {
         let rates: Vec<Option<f64>> =
             plan.passes.iter().map(|pass| self.rates.get(&rate_key(pass)).copied()).collect();
         let mut transients = self.objects.iter();
-        let objects: Vec<Object<'_>> = (plan.resources.iter().zip(&graph.resources))
+        let objects: Vec<Object> = (plan.resources.iter().zip(&graph.resources))
             .map(|(planned, decl)| match planned.placement.and_then(|_| transients.next()) {
-                Some((_, TransientObject::Buffer(buffer))) => Object::Buffer(buffer),
-                Some((_, TransientObject::Image(image))) => Object::Image(image),
-                None => decl.object,
+                Some((_, object)) => object.clone(),
+                None => decl.object.clone(),
             })
             .collect();
         let mut frame = Frame {
@@ -351,7 +344,7 @@ impl Executor {
     /// What the kernels of a plan are bound with, by pass.
     fn kernels(
         &self,
-        graph: &Graph<'_>,
+        graph: &Graph,
         plan: &Plan,
         options: &RunOptions<'_>,
     ) -> Result<Vec<Option<Kernel>>, Error> {
@@ -399,15 +392,11 @@ impl Executor {
             let (heap, name) = (&self.heaps[placement.heap].1, &resource.name);
             let object = match resource.desc {
                 Desc::Buffer(desc) => {
-                    TransientObject::Buffer(self.device.buffer_in(heap, placement.offset, desc.size, name)?)
+                    Object::Buffer(self.device.buffer_in(heap, placement.offset, desc.size, name)?.into())
                 }
-                Desc::Image(desc) => TransientObject::Image(self.device.image_in(
-                    heap,
-                    placement.offset,
-                    desc.extent,
-                    desc.format,
-                    name,
-                )?),
+                Desc::Image(desc) => Object::Image(
+                    self.device.image_in(heap, placement.offset, desc.extent, desc.format, name)?.into(),
+                ),
                 Desc::Scene => continue,
             };
             self.objects.push(((resource.desc, placement), object));
@@ -416,7 +405,7 @@ impl Executor {
     }
 
     /// Makes room for what passes between host and device, and fills the part that goes up.
-    fn stage(&mut self, graph: &Graph<'_>, plan: &Plan) -> Result<(), Error> {
+    fn stage(&mut self, graph: &Graph, plan: &Plan) -> Result<(), Error> {
         let staging = [
             (&mut self.uploads, graph.upload_bytes, MemoryKind::Upload, "uploads"),
             (&mut self.readbacks, graph.readback_bytes, MemoryKind::Readback, "readbacks"),
@@ -440,7 +429,7 @@ impl Executor {
 }
 
 /// Refuses imports that are only declared.
-fn check_objects(graph: &Graph<'_>, plan: &Plan) -> Result<(), Mistake> {
+fn check_objects(graph: &Graph, plan: &Plan) -> Result<(), Mistake> {
     for (planned, decl) in plan.resources.iter().zip(&graph.resources) {
         let declared = planned.imported && planned.desc != Desc::Scene && matches!(decl.object, Object::None);
         if declared && planned.lifetime.is_some() {
@@ -515,7 +504,7 @@ struct Frame<'f> {
     device: &'f vk::Device,
     timestamps: &'f mut TimestampPool,
     plan: &'f Plan,
-    objects: &'f [Object<'f>],
+    objects: &'f [Object],
     options: &'f RunOptions<'f>,
     measured: Vec<Measured>,
     weights: Vec<f64>,
@@ -533,14 +522,14 @@ struct Frame<'f> {
 
 impl Frame<'_> {
     fn buffer(&self, resource: u32) -> raw::Buffer {
-        match self.objects[resource as usize] {
+        match &self.objects[resource as usize] {
             Object::Buffer(buffer) => buffer.raw(),
             _ => raw::Buffer::null(),
         }
     }
 
     fn image(&self, resource: u32) -> raw::Image {
-        match self.objects[resource as usize] {
+        match &self.objects[resource as usize] {
             Object::Image(image) => image.raw(),
             _ => raw::Image::null(),
         }
@@ -583,7 +572,7 @@ impl Frame<'_> {
     fn new_imports(&self) -> impl Iterator<Item = &vk::Image> {
         self.plan.resources.iter().zip(self.objects).filter_map(|(planned, object)| match object {
             Object::Image(image) if planned.imported && planned.lifetime.is_some() && !image.is_general() => {
-                Some(*image)
+                Some(&**image)
             }
             _ => None,
         })
@@ -722,7 +711,7 @@ impl Frame<'_> {
         let (device, layout) = (self.device.raw(), kernel.pipeline.layout());
         let point = raw::PipelineBindPoint::COMPUTE;
         let infos: Vec<(raw::DescriptorBufferInfo, raw::DescriptorImageInfo)> = (work.bound.iter())
-            .map(|&resource| match self.objects[resource as usize] {
+            .map(|&resource| match &self.objects[resource as usize] {
                 Object::Buffer(buffer) => (buffer.descriptor(), raw::DescriptorImageInfo::default()),
                 Object::Image(image) => {
                     let info = raw::DescriptorImageInfo::default()
@@ -760,12 +749,12 @@ impl Frame<'_> {
         }
     }
 
-    fn transfer(&self, cmd: raw::CommandBuffer, work: &Work<'_>, staging: raw::Buffer, at: u64) {
+    fn transfer(&self, cmd: raw::CommandBuffer, work: &Work, staging: raw::Buffer, at: u64) {
         let device = self.device.raw();
         let general = raw::ImageLayout::GENERAL;
         let layers =
             raw::ImageSubresourceLayers::default().aspect_mask(raw::ImageAspectFlags::COLOR).layer_count(1);
-        let extent = |resource: u32| match self.objects[resource as usize] {
+        let extent = |resource: u32| match &self.objects[resource as usize] {
             Object::Image(image) => {
                 let [width, height] = image.extent();
                 raw::Extent3D { width, height, depth: 1 }
@@ -988,18 +977,22 @@ mod tests {
         let mut g = Graph::new();
         let (filled, copy) = (g.buffer("filled", 8), g.buffer("copy", 8));
         let image = g.image("image", ImageDesc::new([2, 1], vk::Format::R32Uint));
-        g.raw("fill", &[(filled.into(), vk::Access::Write), (image.into(), vk::Access::Write)], |context| {
-            let (cmd, buffer, (texels, _)) =
-                (context.command_buffer(), context.buffer(filled), context.image(image));
-            let seven = raw::ClearColorValue { uint32: [7; 4] };
-            // SAFETY: the command buffer is being recorded, and the pass declares both writes.
-            unsafe {
-                context.device().cmd_fill_buffer(cmd, buffer, 0, 8, 5);
-                let range = [vk::COLOR_RANGE];
-                let general = raw::ImageLayout::GENERAL;
-                context.device().cmd_clear_color_image(cmd, texels, general, &seven, &range);
-            }
-        });
+        g.raw(
+            "fill",
+            &[(filled.into(), vk::Access::Write), (image.into(), vk::Access::Write)],
+            move |context| {
+                let (cmd, buffer, (texels, _)) =
+                    (context.command_buffer(), context.buffer(filled), context.image(image));
+                let seven = raw::ClearColorValue { uint32: [7; 4] };
+                // SAFETY: the command buffer is being recorded, and the pass declares both writes.
+                unsafe {
+                    context.device().cmd_fill_buffer(cmd, buffer, 0, 8, 5);
+                    let range = [vk::COLOR_RANGE];
+                    let general = raw::ImageLayout::GENERAL;
+                    context.device().cmd_clear_color_image(cmd, texels, general, &seven, &range);
+                }
+            },
+        );
         g.copy_buffer("copy", (filled, 0), (copy, 0), 8);
         let (bytes, texels) = (g.read_buffer::<u32>(copy), g.read_image::<u32>(image));
         let mut executor = Executor::new(&device, Backend::Software).unwrap();

@@ -198,7 +198,7 @@ pub struct Plan {
     pub unaliased_bytes: u64,
 }
 
-pub(super) fn plan(graph: &Graph<'_>, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Mistake> {
+pub(super) fn plan(graph: &Graph, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Mistake> {
     let limits = requirements.limits();
     validate(graph, &limits)?;
     let (mut passes, culled) = cull(graph);
@@ -210,7 +210,7 @@ pub(super) fn plan(graph: &Graph<'_>, requirements: &dyn Requirements, alias: bo
 }
 
 /// Returns what recording found wrong, and what this device cannot do.
-fn validate(graph: &Graph<'_>, limits: &Limits) -> Result<(), Mistake> {
+fn validate(graph: &Graph, limits: &Limits) -> Result<(), Mistake> {
     if let Some(mistake) = &graph.mistake {
         return Err(mistake.clone());
     }
@@ -255,7 +255,7 @@ fn validate(graph: &Graph<'_>, limits: &Limits) -> Result<(), Mistake> {
 /// Walks backwards from what is seen outside and keeps the passes it depends on.
 ///
 /// A write is taken to change a part of its resource, so it never makes an earlier one needless.
-fn cull(graph: &Graph<'_>) -> (Vec<PlannedPass>, Vec<Culled>) {
+fn cull(graph: &Graph) -> (Vec<PlannedPass>, Vec<Culled>) {
     let mut needed: Vec<bool> = graph.resources.iter().map(|resource| resource.imported).collect();
     for &kept in &graph.kept {
         needed[kept as usize] = true;
@@ -287,7 +287,7 @@ fn cull(graph: &Graph<'_>) -> (Vec<PlannedPass>, Vec<Culled>) {
     (kept, culled)
 }
 
-fn planned(pass: &super::decl::PassDecl<'_>, recorded: usize) -> PlannedPass {
+fn planned(pass: &super::decl::PassDecl, recorded: usize) -> PlannedPass {
     let (shader, groups) = match &pass.work {
         Work::Kernel(kernel) => (
             Some(kernel.code.name.clone().into_owned()),
@@ -317,7 +317,7 @@ fn planned(pass: &super::decl::PassDecl<'_>, recorded: usize) -> PlannedPass {
 }
 
 /// Finds the first and last pass that touches each resource.
-fn lifetimes(graph: &Graph<'_>, passes: &[PlannedPass]) -> Vec<PlannedResource> {
+fn lifetimes(graph: &Graph, passes: &[PlannedPass]) -> Vec<PlannedResource> {
     let mut resources: Vec<PlannedResource> = (graph.resources.iter())
         .map(|decl| PlannedResource {
             name: decl.name.clone().into_owned(),

@@ -35,7 +35,7 @@ const BUFFER: BindingKind = BindingKind::Buffer { stride: 16 };
 const GRID: Grid = Grid::Of([64, 64, 1]);
 
 /// A pass that reads and writes the given images.
-fn image_pass(g: &mut Graph<'_>, name: &'static str, reads: &[Res<Image>], writes: &[Res<Image>]) {
+fn image_pass(g: &mut Graph, name: &'static str, reads: &[Res<Image>], writes: &[Res<Image>]) {
     const NAMES: [&str; 6] = ["a", "b", "c", "d", "e", "f"];
     let accesses = reads.iter().map(|_| Access::Read).chain(writes.iter().map(|_| Access::Write));
     let bindings: Vec<_> = NAMES.iter().zip(accesses).map(|(&name, access)| (name, IMAGE, access)).collect();
@@ -122,7 +122,7 @@ impl From<&Handle> for AnyRes {
 }
 
 /// Records a legal graph: reads of what nothing has written become writes.
-fn record(random: &RandomGraph) -> Graph<'static> {
+fn record(random: &RandomGraph) -> Graph {
     let mut g = Graph::new();
     let mut written = Vec::new();
     let mut handles = Vec::new();
@@ -289,7 +289,7 @@ proptest! {
 
     #[test]
     fn planning_is_deterministic(random in random_graph()) {
-        let json = |graph: Graph<'_>| graph.plan(&random.table).unwrap().json(&[]).to_string();
+        let json = |graph: Graph| graph.plan(&random.table).unwrap().json(&[]).to_string();
         prop_assert_eq!(json(record(&random)), json(record(&random)));
     }
 }
@@ -437,7 +437,7 @@ fn a_tap_keeps_its_pass_and_reads_right_behind_it() {
     let paths: Vec<&str> = plan.passes.iter().map(|pass| &*pass.path).collect();
     assert_eq!(paths, ["group/first", "tap/group/first:a", "group/second", "tap/group/second:image of b"]);
     check(&plan).unwrap();
-    let message = |g: &mut Graph<'_>, spec| g.tap(spec).unwrap_err().to_string();
+    let message = |g: &mut Graph, spec| g.tap(spec).unwrap_err().to_string();
     assert_eq!(
         message(&mut g, "group/frist:a"),
         "no pass `group/frist` to tap (did you mean `group/first`?); there are `group/first`, `group/second`, \
@@ -475,7 +475,7 @@ fn leak(code: KernelCode) -> &'static KernelCode {
 }
 
 /// What planning says about a graph recorded by `f`, on a device that takes few workgroups.
-fn mistake(f: impl FnOnce(&mut Graph<'_>)) -> String {
+fn mistake(f: impl FnOnce(&mut Graph)) -> String {
     struct Small;
     impl Requirements for Small {
         fn buffer(&self, size: u64) -> Memory {
@@ -507,73 +507,73 @@ fn mistakes_name_pass_shader_and_variable() {
     let spec: Kernel<OneImage, ()> = Kernel::new(leak(code(&[("src", IMAGE, Access::Write)])), vec![7]);
     let buffers = kernel(&[("data", BUFFER, Access::Write)]);
 
-    let wrong_format = |g: &mut Graph<'_>| {
+    let wrong_format = |g: &mut Graph| {
         let a = g.image("a", small().with_format(Format::R32Float));
         g.group("group", |g| g.pass("write", &write, OneImage(a), (), GRID));
     };
-    let foreign = |g: &mut Graph<'_>| {
+    let foreign = |g: &mut Graph| {
         let a = Graph::new().image("a", small());
         g.pass("write", &write, OneImage(a), (), GRID);
     };
-    let unwritten = |g: &mut Graph<'_>| {
+    let unwritten = |g: &mut Graph| {
         let a = g.image("a", small());
         g.pass("read", &read, OneImage(a), (), GRID);
     };
-    let params = |g: &mut Graph<'_>| {
+    let params = |g: &mut Graph| {
         let a = g.image("a", small());
         g.pass("write", &extra, OneImage(a), 1, GRID);
     };
-    let constants = |g: &mut Graph<'_>| {
+    let constants = |g: &mut Graph| {
         let a = g.image("a", small());
         g.pass("write", &spec, OneImage(a), (), GRID);
     };
-    let groups = |g: &mut Graph<'_>| {
+    let groups = |g: &mut Graph| {
         let a = g.image("a", small());
         g.pass("write", &write, OneImage(a), (), Grid::Of([65, 8, 1]));
     };
-    let large = |g: &mut Graph<'_>| {
+    let large = |g: &mut Graph| {
         let b = g.buffer("b", 8192);
         g.pass_named("write", &buffers, &[("data", b.into())], [].as_slice() as &[u8], GRID).unwrap();
     };
-    let indirect = |g: &mut Graph<'_>| {
+    let indirect = |g: &mut Graph| {
         let a = g.image("a", small());
         let b = g.declare_buffer("b", 16);
         g.pass("write", &write, OneImage(a), (), Grid::Indirect { buffer: b, offset: 8 });
     };
-    let empty = |g: &mut Graph<'_>| {
+    let empty = |g: &mut Graph| {
         g.image("a", ImageDesc::new([64, 0], FORMAT));
     };
-    let wide = |g: &mut Graph<'_>| {
+    let wide = |g: &mut Graph| {
         g.image("a", ImageDesc::new([64, 257], FORMAT));
     };
-    let long = |g: &mut Graph<'_>| {
+    let long = |g: &mut Graph| {
         g.buffer("b", 65537);
     };
-    let readback = |g: &mut Graph<'_>| {
+    let readback = |g: &mut Graph| {
         let b = g.declare_buffer("b", 6);
         g.read_buffer::<u32>(b);
     };
-    let readback_unwritten = |g: &mut Graph<'_>| {
+    let readback_unwritten = |g: &mut Graph| {
         let b = g.buffer("b", 8);
         g.read_buffer::<u32>(b);
     };
-    let upload = |g: &mut Graph<'_>| {
+    let upload = |g: &mut Graph| {
         let b = g.buffer("b", 8);
         g.upload("up", b, vec![0; 12]);
     };
-    let fill = |g: &mut Graph<'_>| {
+    let fill = |g: &mut Graph| {
         let b = g.buffer("b", 6);
         g.fill("fill", b, 0);
     };
-    let copy = |g: &mut Graph<'_>| {
+    let copy = |g: &mut Graph| {
         let [a, b] = ["a", "b"].map(|name| g.declare_buffer(name, 8));
         g.copy_buffer("copy", (a, 0), (b, 4), 8);
     };
-    let overlap = |g: &mut Graph<'_>| {
+    let overlap = |g: &mut Graph| {
         let a = g.declare_buffer("a", 8);
         g.copy_buffer("copy", (a, 0), (a, 2), 4);
     };
-    let raw = |g: &mut Graph<'_>| {
+    let raw = |g: &mut Graph| {
         let a = g.image("a", small());
         g.raw("build", &[(a.into(), Access::ReadWrite)], |_| {});
     };

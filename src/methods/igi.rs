@@ -49,7 +49,7 @@ fn left_out(profile: &SceneProfile, config: &RenderConfig) -> Vec<String> {
     lines
 }
 
-fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
+fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let min_distance = config.indirect.min_distance(frame.area, &config.vpl_shoot);
     // Passes that do not need each other stand side by side, the longest chains first: a GPU overlaps them.
     let paths = vpl_shoot::paths(g, k, &config.vpl_shoot);

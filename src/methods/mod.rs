@@ -151,7 +151,7 @@ pub struct Method {
     /// Whether a picture grows over many graphs, by [`FrameInfo::samples`] each; one graph draws it otherwise.
     pub progressive: bool,
     /// Records one graph.
-    pub record: fn(&mut Graph<'_>, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
+    pub record: fn(&mut Graph, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
     /// What of a scene it does not model as configured, a sentence each.
     pub left_out: fn(&SceneProfile, &RenderConfig) -> Vec<String>,
 }

@@ -24,7 +24,7 @@ pub const METHOD: Method = Method {
 
 /// # Panics
 /// Without means to add to.
-fn record(g: &mut Graph<'_>, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
+fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let means = frame.means.expect("progressive methods are given means");
     path_trace::path_trace(g, k, &config.path_trace, config.max_depth(), &means, frame.taken, frame.samples);
     Layers {

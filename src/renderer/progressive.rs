@@ -16,6 +16,7 @@ use crate::techniques::path_trace::adaptive::{MAX_RATE, Rates, Round, relative_v
 use crate::vk::{self, Format};
 use glam::Vec2;
 use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -85,9 +86,9 @@ pub(super) fn means(
 
 /// Images that outlive the graphs, and what they hold.
 struct State {
-    all: vk::Image,
-    halves: Option<[vk::Image; 2]>,
-    rates: Option<(vk::Image, Rates)>,
+    all: Arc<vk::Image>,
+    halves: Option<[Arc<vk::Image>; 2]>,
+    rates: Option<(Arc<vk::Image>, Rates)>,
     samples: u32,
     /// Whether the means hold anything; black or `contents` is what they begin with.
     begun: bool,
@@ -112,7 +113,7 @@ impl State {
         adaptive: bool,
         resume: Option<&Resume>,
     ) -> Result<Self, Error> {
-        let image = |name| device.image(name, extent, Format::Rgba32Float);
+        let image = |name| device.image(name, extent, Format::Rgba32Float).map(Arc::new);
         let all = image("mean")?;
         let halves = if halves { Some([image("half_a")?, image("half_b")?]) } else { None };
         let samples = resume.map_or(0, |resume| resume.samples);
@@ -128,7 +129,7 @@ impl State {
     }
 
     /// The images in a graph, with a first content where they have none.
-    fn import<'a>(&'a self, g: &mut Graph<'a>) -> Means {
+    fn import(&self, g: &mut Graph) -> Means {
         let all = g.import_image("mean", &self.all);
         let halves =
             self.halves.as_ref().map(|[a, b]| [g.import_image("half_a", a), g.import_image("half_b", b)]);
@@ -154,11 +155,11 @@ impl State {
 
 impl Session<'_> {
     /// Records the method, with `samples` samples more.
-    fn record<'g>(
+    fn record(
         &self,
-        g: &mut Graph<'g>,
+        g: &mut Graph,
         area: f32,
-        state: &'g State,
+        state: &State,
         samples: u32,
         aovs: &[Aov],
     ) -> (Means, Recorded) {

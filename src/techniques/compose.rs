@@ -6,7 +6,7 @@ use crate::shaders::compose as kernels;
 
 /// Sums what reaches the camera.
 pub fn beauty(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     gb: &GBuffer,
     direct: Res<Image>,
     specular: Option<Res<Image>>,
@@ -32,7 +32,7 @@ pub fn beauty(
 }
 
 /// Indirect radiance at primary hits by itself.
-pub fn indirect(g: &mut Graph<'_>, gb: &GBuffer, irradiance: Res<Image>) -> Res<Image> {
+pub fn indirect(g: &mut Graph, gb: &GBuffer, irradiance: Res<Image>) -> Res<Image> {
     g.group("compose", |g| {
         let out = g.image("indirect", g.desc(irradiance));
         let bind = kernels::indirect::Bind { irradiance, albedo: gb.albedo, out_radiance: out };
@@ -42,7 +42,7 @@ pub fn indirect(g: &mut Graph<'_>, gb: &GBuffer, irradiance: Res<Image>) -> Res<
 }
 
 /// Takes `value` into the running mean of `count` samples before it.
-pub fn accumulate(g: &mut Graph<'_>, value: Res<Image>, mean: Res<Image>, count: u32) {
+pub fn accumulate(g: &mut Graph, value: Res<Image>, mean: Res<Image>, count: u32) {
     g.group("compose", |g| {
         let bind = kernels::accumulate::Bind { value, mean };
         let params = kernels::accumulate::Params { count };
@@ -51,7 +51,7 @@ pub fn accumulate(g: &mut Graph<'_>, value: Res<Image>, mean: Res<Image>, count:
 }
 
 /// Variance of the mean of all samples, estimated by the means of two halves of them.
-pub fn variance(g: &mut Graph<'_>, [half_a, half_b]: [Res<Image>; 2]) -> Res<Image> {
+pub fn variance(g: &mut Graph, [half_a, half_b]: [Res<Image>; 2]) -> Res<Image> {
     g.group("compose", |g| {
         let out = g.image("variance", g.desc(half_a));
         let bind = kernels::variance::Bind { half_a, half_b, out_variance: out };
@@ -61,14 +61,14 @@ pub fn variance(g: &mut Graph<'_>, [half_a, half_b]: [Res<Image>; 2]) -> Res<Ima
 }
 
 /// An image like `like` without any light.
-pub fn black(g: &mut Graph<'_>, like: Res<Image>) -> Res<Image> {
+pub fn black(g: &mut Graph, like: Res<Image>) -> Res<Image> {
     let out = g.image("black", g.desc(like));
     g.clear_image("black", out);
     out
 }
 
 /// The part of `extent` pixels of an image that begins at pixel `origin`.
-pub fn cut(g: &mut Graph<'_>, image: Res<Image>, origin: [u32; 2], extent: [u32; 2]) -> Res<Image> {
+pub fn cut(g: &mut Graph, image: Res<Image>, origin: [u32; 2], extent: [u32; 2]) -> Res<Image> {
     g.group("compose", |g| {
         let out = g.image("cut", ImageDesc { extent, ..g.desc(image) });
         let bind = kernels::cut::Bind { image, out_cut: out };

@@ -26,7 +26,7 @@ pub struct Geometry {
 }
 
 /// Traces the camera's rays for the window of `extent` pixels that begins at pixel `origin`.
-pub fn gbuffer(g: &mut Graph<'_>, k: &Kernels, origin: [u32; 2], extent: [u32; 2]) -> GBuffer {
+pub fn gbuffer(g: &mut Graph, k: &Kernels, origin: [u32; 2], extent: [u32; 2]) -> GBuffer {
     g.group("gbuffer", |g| {
         let hits = g.image("hits", ImageDesc::new(extent, Format::Rgba32Uint));
         let albedo = g.image("albedo", ImageDesc::new(extent, Format::Rgba32Float));
@@ -37,7 +37,7 @@ pub fn gbuffer(g: &mut Graph<'_>, k: &Kernels, origin: [u32; 2], extent: [u32; 2
 }
 
 /// Unpacks the hits for filters and outputs.
-pub fn unpack(g: &mut Graph<'_>, k: &Kernels, gb: &GBuffer) -> Geometry {
+pub fn unpack(g: &mut Graph, k: &Kernels, gb: &GBuffer) -> Geometry {
     g.group("gbuffer", |g| {
         let desc = g.desc(gb.albedo);
         let normal_depth = g.image("normal_depth", desc);

@@ -32,7 +32,7 @@ impl Default for GlareConfig {
 }
 
 /// Spreads light; `height` is that of the whole picture (pixels). Strength 0 returns the image itself.
-pub fn glare(g: &mut Graph<'_>, config: &GlareConfig, radiance: Res<Image>, height: u32) -> Res<Image> {
+pub fn glare(g: &mut Graph, config: &GlareConfig, radiance: Res<Image>, height: u32) -> Res<Image> {
     if config.strength == 0.0 {
         return radiance;
     }

@@ -112,7 +112,7 @@ pub struct Means {
 
 /// Takes `samples` further paths a pixel, of at most `max_depth` edges, into the means of `taken`.
 pub fn path_trace(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &PathTraceConfig,
     max_depth: u32,

@@ -70,7 +70,7 @@ impl Default for ToneMapConfig {
 }
 
 /// Exposure of a picture: a buffer of one float, in stops.
-pub fn exposure(g: &mut Graph<'_>, config: &ToneMapConfig, radiance: Res<Image>) -> Res<Buffer> {
+pub fn exposure(g: &mut Graph, config: &ToneMapConfig, radiance: Res<Image>) -> Res<Buffer> {
     g.group("tone_map", |g| {
         let stops = g.buffer("exposure", 4);
         if let Some(ev) = config.exposure {
@@ -91,7 +91,7 @@ pub fn exposure(g: &mut Graph<'_>, config: &ToneMapConfig, radiance: Res<Image>)
 
 /// RGBA, 8 bits each, sRGB, of radiance at an exposure.
 pub fn tone_map(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     config: &ToneMapConfig,
     radiance: Res<Image>,
     exposure: Res<Buffer>,

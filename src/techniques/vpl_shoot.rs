@@ -75,7 +75,7 @@ pub struct Paths {
 }
 
 /// Shoots the paths.
-pub fn paths(g: &mut Graph<'_>, k: &Kernels, config: &VplShootConfig) -> Paths {
+pub fn paths(g: &mut Graph, k: &Kernels, config: &VplShootConfig) -> Paths {
     g.group("vpl_shoot", |g| {
         let slots = g.buffer("slots", bytes(config));
         let params = paths::Params { paths: config.paths(), bounces: config.bounces };
@@ -86,7 +86,7 @@ pub fn paths(g: &mut Graph<'_>, k: &Kernels, config: &VplShootConfig) -> Paths {
 }
 
 /// Closes the gaps and notes where each of `subsets` equal parts of the paths starts.
-pub fn compact(g: &mut Graph<'_>, config: &VplShootConfig, paths: &Paths, subsets: u32) -> Vpls {
+pub fn compact(g: &mut Graph, config: &VplShootConfig, paths: &Paths, subsets: u32) -> Vpls {
     g.group("vpl_shoot", |g| {
         let &Paths { slots } = paths;
         let list = g.buffer("vpls", bytes(config));

@@ -61,7 +61,7 @@ impl WhittedConfig {
 }
 
 /// Radiance by emission, direct light and the environment at the end of camera rays.
-pub fn direct(g: &mut Graph<'_>, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
+pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
     g.group("whitted", |g| {
         let mut sum = None;
         let samples = if k.area_lights() { config.light_samples } else { 1 };
@@ -99,7 +99,7 @@ pub struct Reflections {
 
 /// Follows mirrors and glass; `None` where the scene has neither or no specular bounce is asked for.
 pub fn tree(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &WhittedConfig,
     gb: &GBuffer,
@@ -143,7 +143,7 @@ pub fn tree(
 }
 
 /// Brings the points into an order that [`specular`] lights faster; a step of its own so that others can run beside it.
-pub fn sort(g: &mut Graph<'_>, k: &Kernels, reflections: &Reflections, vpls: &Vpls) {
+pub fn sort(g: &mut Graph, k: &Kernels, reflections: &Reflections, vpls: &Vpls) {
     let &Reflections { points, args, order, capacity, .. } = reflections;
     g.group("whitted", |g| {
         let bind = sort::Bind { args, points, order, count: vpls.count };
@@ -158,7 +158,7 @@ fn room(capacity: u32) -> u32 {
 
 /// Radiance through mirrors and glass: the points lit by all lights and VPLs.
 pub fn specular(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &WhittedConfig,
     reflections: &Reflections,

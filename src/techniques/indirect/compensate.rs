@@ -8,7 +8,7 @@ use crate::shaders::indirect::{compensate as kernel, compensate_missing as missi
 const RAYS: u32 = 256;
 
 /// Adds what is lost to the irradiance at the samples.
-pub(super) fn compensate(g: &mut Graph<'_>, s: &Scope<'_>, irradiance: Res<Image>) {
+pub(super) fn compensate(g: &mut Graph, s: &Scope<'_>, irradiance: Res<Image>) {
     let (config, vertices) = (s.config, s.vpls.bounces);
     let step = (RAYS / (3 * vertices)).max(1);
     for first in (0..config.compensation).step_by(step as usize) {
@@ -32,7 +32,7 @@ pub(super) fn compensate(g: &mut Graph<'_>, s: &Scope<'_>, irradiance: Res<Image
 }
 
 /// The same for the listed pixels.
-pub(super) fn compensate_missing(g: &mut Graph<'_>, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
+pub(super) fn compensate_missing(g: &mut Graph, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
     let Missing { list, args } = missing;
     let (hits, vpls, count) = (s.gbuffer.hits, s.vpls.list, s.vpls.count);
     let bind = missing_kernel::Bind { hits, list, args, irradiance, vpls, count };

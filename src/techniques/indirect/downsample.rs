@@ -12,7 +12,7 @@ const SIGMA: f32 = 0.5;
 
 /// Irradiance of every pixel from samples of all VPLs; lists pixels without a fitting sample if asked to.
 pub(super) fn upsample(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     s: &Scope<'_>,
     geometry: &Geometry,
     gathered: Res<Image>,
@@ -44,7 +44,7 @@ pub(super) fn upsample(
 
 /// Irradiance of every pixel from samples of subsets; lists what no sample could lend if asked to.
 pub(super) fn combined(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     s: &Scope<'_>,
     geometry: &Geometry,
     gathered: Res<Image>,

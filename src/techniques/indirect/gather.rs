@@ -6,7 +6,7 @@ use crate::shaders::indirect::{gather as kernel, regather as regather_kernel};
 use crate::vk::Format;
 
 /// Irradiance at the samples (W/m²): of all VPLs, or with interleaving of a subset, times the number of subsets.
-pub(super) fn gather(g: &mut Graph<'_>, s: &Scope<'_>, grid: &SampleGrid) -> Res<Image> {
+pub(super) fn gather(g: &mut Graph, s: &Scope<'_>, grid: &SampleGrid) -> Res<Image> {
     let (config, code) = (s.config, &kernel::CODE.workgroup);
     let tiles: [u32; 2] = std::array::from_fn(|axis| {
         let first = grid.first_cell[axis] / config.interleave;
@@ -44,7 +44,7 @@ pub(super) fn gather(g: &mut Graph<'_>, s: &Scope<'_>, grid: &SampleGrid) -> Res
 }
 
 /// Gathers at the listed pixels, which start from zero.
-pub(super) fn regather(g: &mut Graph<'_>, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
+pub(super) fn regather(g: &mut Graph, s: &Scope<'_>, missing: Missing, irradiance: Res<Image>) {
     for first in (0..s.vpls.slots).step_by(RANGE as usize) {
         let bind = regather_kernel::Bind {
             hits: s.gbuffer.hits,

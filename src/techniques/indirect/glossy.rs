@@ -5,7 +5,7 @@ use crate::graph::{Graph, Grid, Image, Res};
 use crate::shaders::indirect::glossy as kernel;
 
 /// Radiance (W/(sr·m²)) by lobes that are neither diffuse nor mirrors.
-pub(super) fn glossy(g: &mut Graph<'_>, s: &Scope<'_>) -> Res<Image> {
+pub(super) fn glossy(g: &mut Graph, s: &Scope<'_>) -> Res<Image> {
     let mut sum = None;
     for first in (0..s.vpls.slots).step_by(RANGE as usize) {
         let out = g.image("glossy", g.desc(s.gbuffer.albedo));

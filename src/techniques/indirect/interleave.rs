@@ -7,7 +7,7 @@ use crate::techniques::gbuffer::Geometry;
 
 /// The mean of neighbouring samples on the same surface, which have other subsets.
 pub(super) fn interleave(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     s: &Scope<'_>,
     geometry: &Geometry,
     gathered: Res<Image>,

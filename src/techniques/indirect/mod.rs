@@ -307,7 +307,7 @@ pub struct Samples {
 
 /// Gathers irradiance at the samples from their VPLs.
 pub fn gather(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &IndirectConfig,
     gbuffer: &GBuffer,
@@ -331,7 +331,7 @@ pub fn gather(
 
 /// Radiance (W/(sr·m²)) by the glossy lobes of primary hits from all VPLs; `None` where there are none.
 pub fn glossy(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &IndirectConfig,
     gbuffer: &GBuffer,
@@ -344,7 +344,7 @@ pub fn glossy(
 
 /// Brings the samples' light to every pixel. Without `geometry` the samples are the pixels.
 pub fn reconstruct(
-    g: &mut Graph<'_>,
+    g: &mut Graph,
     k: &Kernels,
     config: &IndirectConfig,
     gbuffer: &GBuffer,
@@ -379,7 +379,7 @@ pub fn reconstruct(
     })
 }
 
-fn missing(g: &mut Graph<'_>, config: &IndirectConfig, [width, height]: [u32; 2]) -> Missing {
+fn missing(g: &mut Graph, config: &IndirectConfig, [width, height]: [u32; 2]) -> Missing {
     let room = if config.upsample == Upsample::Plane { u64::from(width) * u64::from(height) } else { 1 };
     let list = g.buffer("missing", 4 * room);
     let args = g.buffer_with("regather_args", bytemuck::cast_slice(&[0_u32, 1, 1, 0]).to_vec());

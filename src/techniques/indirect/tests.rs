@@ -159,7 +159,7 @@ fn filtered(
 }
 
 /// VPLs, in any order, as the list that shooting makes of them.
-fn upload_vpls(g: &mut Graph<'_>, vpls: &[Vpl], subsets: u32) -> Vpls {
+fn upload_vpls(g: &mut Graph, vpls: &[Vpl], subsets: u32) -> Vpls {
     let mut list = vpls.to_vec();
     list.sort_by_key(|vpl| (vpl.path % subsets, vpl.path));
     let mut count = vec![list.len() as u32];
