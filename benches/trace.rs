@@ -30,7 +30,7 @@ impl Bench<'_> {
     /// Hits, and millions of rays a second in the fastest of some repeats.
     fn trace(&self, rays: &[TestRay], any_hit: bool) -> anyhow::Result<(Vec<TestHit>, f64)> {
         let uniform = self.device.upload("scene", bytemuck::bytes_of(&self.data))?;
-        let set = self.device.scene_set(self.backend, &uniform, self.structure.top_level())?;
+        let set = Arc::new(self.device.scene_set(self.backend, uniform, self.structure.top_level())?);
         let input = Arc::new(self.device.upload("rays", bytemuck::cast_slice(rays))?);
         let mut executor = Executor::new(self.device, self.backend)?;
         let kernel = shaders::test::trace::kernel(Spec { any_hit }, &self.spec);

@@ -261,8 +261,7 @@ pub struct Frame {
 #[derive(Debug)]
 pub struct Renderer {
     executor: Executor,
-    set: vk::SceneSet,
-    uniform: vk::Buffer,
+    set: Arc<vk::SceneSet>,
     structure: Structure,
     gpu: GpuScene,
     scene: Scene,
@@ -320,20 +319,9 @@ impl Renderer {
         let structure = Structure::build(device, backend, &geometry, split)?;
         structure.describe(&mut gpu.data);
         let uniform = device.buffer("scene", size_of::<shaders::SceneData>() as u64, MemoryKind::Upload)?;
-        let set = device.scene_set(backend, &uniform, structure.top_level())?;
+        let set = Arc::new(device.scene_set(backend, uniform, structure.top_level())?);
         let area = scene.area() as f32;
-        Ok(Self {
-            executor,
-            set,
-            uniform,
-            structure,
-            gpu,
-            scene,
-            area,
-            backend,
-            reason,
-            device: device.clone(),
-        })
+        Ok(Self { executor, set, structure, gpu, scene, area, backend, reason, device: device.clone() })
     }
 
     /// Builds the second structure that `config` needs, unless it is there.
@@ -352,7 +340,7 @@ impl Renderer {
         self.structure.build_boxes(&self.device, &geometry, &options)?;
         self.structure.describe(&mut self.gpu.data);
         if let Some(top) = self.structure.box_top_level() {
-            self.set.set_boxes(top);
+            unused(&mut self.set).set_boxes(top);
         }
         Ok(())
     }
@@ -667,7 +655,7 @@ impl Renderer {
             ..self.gpu.data
         };
         let bytes = bytemuck::bytes_of(&data);
-        if let Some(mapped) = self.uniform.mapped_mut() {
+        if let Some(mapped) = unused(&mut self.set).uniform_mut() {
             mapped[..bytes.len()].copy_from_slice(bytes);
         }
         Ok(())
@@ -734,6 +722,11 @@ impl Window {
         let (origin, extent) = (self.traced_origin, self.traced_extent);
         FrameInfo { origin, extent, area, means: None, taken: 0, samples: 0 }
     }
+}
+
+/// The set while no run uses it: all of them have been waited for.
+fn unused(set: &mut Arc<vk::SceneSet>) -> &mut vk::SceneSet {
+    Arc::get_mut(set).expect("every run has been waited for")
 }
 
 fn camera_data(camera: &Camera, size: [u32; 2]) -> shaders::Camera {

@@ -21,6 +21,7 @@ use parhelion::shaders::{
 };
 use parhelion::vk::{Backend, Device, MemoryKind};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const DIFFUSE: u32 = 1;
 const GLOSSY: u32 = 2;
@@ -69,8 +70,7 @@ fn chi2(counts: &[f64], expected: &[f64]) -> f64 {
 /// A plane of one material, on which queries are answered.
 struct Plane {
     executor: Executor,
-    set: parhelion::vk::SceneSet,
-    _uniform: parhelion::vk::Buffer,
+    set: Arc<parhelion::vk::SceneSet>,
 }
 
 impl Plane {
@@ -78,8 +78,8 @@ impl Plane {
         let mut uniform = device.buffer("scene", size_of::<SceneData>() as u64, MemoryKind::Upload).unwrap();
         let scene = SceneData { energy_conserving: energy_conserving.into(), ..SceneData::zeroed() };
         uniform.mapped_mut().unwrap()[..size_of::<SceneData>()].copy_from_slice(bytemuck::bytes_of(&scene));
-        let set = device.scene_set(Backend::Software, &uniform, None).unwrap();
-        Self { executor: Executor::new(device, Backend::Software).unwrap(), set, _uniform: uniform }
+        let set = Arc::new(device.scene_set(Backend::Software, uniform, None).unwrap());
+        Self { executor: Executor::new(device, Backend::Software).unwrap(), set }
     }
 
     fn ask(&mut self, materials: &[shaders::Material], queries: &[BsdfQuery]) -> Vec<BsdfAnswer> {

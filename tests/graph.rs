@@ -3,11 +3,12 @@
 mod common;
 
 use parhelion::graph::{
-    AnyRes, Desc, Error, Executor, Graph, Grid, Image, ImageDesc, Res, Run, RunOptions, Stages, check,
+    AnyRes, Desc, Error, Executor, Graph, Grid, Image, ImageDesc, Res, Run, RunOptions, Stages, Ticket, check,
 };
 use parhelion::shaders::test::{blur, count, groups, layout, noise};
-use parhelion::vk::{Backend, Device, Format, MemoryKind};
+use parhelion::vk::{Backend, Device, DeviceOptions, Format, MemoryKind};
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -441,4 +442,145 @@ fn what_cannot_run_says_why() {
     g.pass("layout", &layout::kernel(), bind, layout::Params {}, Grid::Of([1, 1, 1]));
     let error = executor.run(g, &RunOptions::default()).unwrap_err().to_string();
     assert_eq!(error, "pass `layout`, shader `test/layout`: uses the scene, and the run has none");
+}
+
+/// Frames that build on each other: each blurs what the last one left and adds noise of its own to the chain.
+fn frame(kept: &Arc<parhelion::vk::Image>, number: u32) -> (Graph, Ticket<[f32; 4]>) {
+    let mut g = Graph::new();
+    let kept = g.import_image("kept", kept);
+    // Every fifth is another graph, so that transients and plans change under what is in flight.
+    let image = chain(&mut g, if number.is_multiple_of(5) { 3 } else { 1 });
+    let mixed = g.image("mixed", DESC);
+    noise_pass(&mut g, "more", number, mixed);
+    blur_pass(&mut g, "mix", if number.is_multiple_of(3) { image } else { mixed }, kept);
+    let last = g.image("last", DESC);
+    blur_pass(&mut g, "blur", kept, last);
+    g.copy_image("keep", last, kept);
+    let ticket = g.read_image(kept);
+    (g, ticket)
+}
+
+fn kept(device: &Device) -> Arc<parhelion::vk::Image> {
+    Arc::new(device.image("kept", DESC.extent, DESC.format).unwrap())
+}
+
+#[test]
+fn two_runs_in_flight_equal_runs_one_by_one() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (mut one, mut two) = (executor(&device), executor(&device));
+    let (first, second) = (kept(&device), kept(&device));
+    let mut in_flight = VecDeque::new();
+    let mut expected = VecDeque::new();
+    for number in 0..1000 {
+        let options =
+            RunOptions { pass_times: number % 2 == 0, alias: number % 7 != 0, ..RunOptions::default() };
+        let (g, ticket) = frame(&first, number);
+        expected.push_back(one.run(g, &options).unwrap().take(ticket));
+        let (g, ticket) = frame(&second, number);
+        in_flight.push_back((two.submit(g, &options).unwrap(), ticket));
+        if in_flight.len() > 2 || number == 999 {
+            for (flight, ticket) in in_flight.drain(..in_flight.len() - usize::from(number < 999) * 2) {
+                assert!(flight.wait().unwrap().take(ticket) == expected.pop_front().unwrap(), "{number}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_ran_before_and_fits_is_submitted_at_once() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut executor = executor(&device);
+    let options = RunOptions { submit_ms: f64::INFINITY, ..RunOptions::default() };
+    let graph = || {
+        let mut g = Graph::new();
+        let image = chain(&mut g, 3);
+        (g.read_image::<[f32; 4]>(image), g)
+    };
+    let expected = (0..3).fold(cpu_noise(5), |image, _| cpu_blur(&image));
+    let (ticket, g) = graph();
+    let mut unknown = executor.submit(g, &options).unwrap();
+    assert!(!unknown.is_submitted());
+    while !unknown.poll().unwrap() {
+        std::thread::yield_now();
+    }
+    assert!(unknown.wait().unwrap().take(ticket) == expected);
+    let (ticket, g) = graph();
+    let known = executor.submit(g, &options).unwrap();
+    assert!(known.is_submitted());
+    let mut run = known.wait().unwrap();
+    assert_eq!(run.submits, 1);
+    assert!(run.take(ticket) == expected);
+}
+
+/// Bands of a run come before whatever is submitted behind it, also where that one alone is waited for.
+#[test]
+fn a_run_waits_for_what_is_left_of_the_one_before() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut executor = executor(&device);
+    let mut reference = self::executor(&device);
+    let banded = RunOptions { submit_ms: 0.0, ..RunOptions::default() };
+    let (first, second) = (kept(&device), kept(&device));
+    for given_up in [false, true] {
+        let expected = [0, 1].map(|number| {
+            let (g, ticket) = frame(&first, number);
+            reference.run(g, &RunOptions::default()).unwrap().take(ticket)
+        });
+        let (g, ticket_a) = frame(&second, 0);
+        let a = executor.submit(g, &banded).unwrap();
+        let (g, ticket_b) = frame(&second, 1);
+        let b = executor.submit(g, &RunOptions::default()).unwrap();
+        assert!(!a.is_submitted() && !b.is_submitted());
+        if given_up {
+            // Its bands may be missing; nothing waits for them, and nothing breaks.
+            drop(a);
+            assert_eq!(b.wait().unwrap().take(ticket_b).len(), expected[1].len());
+        } else {
+            assert!(b.wait().unwrap().take(ticket_b) == expected[1]);
+            assert!(a.wait().unwrap().take(ticket_a) == expected[0]);
+        }
+    }
+}
+
+#[test]
+fn a_forgotten_run_owns_what_it_uses() {
+    let Some((_guard, _)) = common::device() else { return };
+    // Of its own: what is forgotten is never given back.
+    let device = Device::open(&DeviceOptions { validation: true, ..DeviceOptions::default() }).unwrap();
+    let kept = kept(&device);
+    let alone = Arc::downgrade(&kept);
+    let mut executor = executor(&device);
+    let (g, ticket) = frame(&kept, 0);
+    let expected = executor.run(g, &RunOptions::default()).unwrap().take(ticket);
+    let (g, _) = frame(&kept, 0);
+    let flight = executor.submit(g, &RunOptions::default()).unwrap();
+    assert!(flight.is_submitted());
+    std::mem::forget(flight);
+    drop((kept, executor));
+    assert!(alone.upgrade().is_some(), "the run holds its import");
+    // The device is as good as before.
+    let (g, ticket) = frame(&self::kept(&device), 0);
+    assert!(self::executor(&device).run(g, &RunOptions::default()).unwrap().take(ticket) == expected);
+    assert_eq!(device.validation().take(), Vec::<String>::new());
+}
+
+#[test]
+fn replaced_transients_die_with_the_last_run_that_uses_them() {
+    let Some((_guard, device)) = common::device() else { return };
+    let bytes = || device.memory().by_name.get("transients").copied().unwrap_or_default();
+    let mut executor = executor(&device);
+    let mut submit = |n| {
+        let mut g = Graph::new();
+        let image = chain(&mut g, n);
+        g.keep(image);
+        executor.submit(g, &RunOptions { alias: false, ..RunOptions::default() }).unwrap()
+    };
+    let small = submit(2);
+    let before = bytes();
+    let large = submit(20);
+    let both = bytes();
+    assert!(both > before);
+    large.wait().unwrap();
+    assert_eq!(bytes(), both, "the first run still holds its own");
+    small.wait().unwrap();
+    assert_eq!(bytes(), both - before);
 }

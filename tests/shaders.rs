@@ -10,6 +10,7 @@ use parhelion::shaders::{self, SceneData};
 use parhelion::vk::{Backend, MemoryKind};
 use std::io::Write;
 use std::process::Command;
+use std::sync::Arc;
 
 /// A structure whose words all differ.
 fn numbered<T: Pod>(start: u32) -> T {
@@ -58,7 +59,7 @@ fn shared_structures_have_one_layout() {
 
     let mut uniform = device.buffer("scene", size_of::<SceneData>() as u64, MemoryKind::Upload).unwrap();
     uniform.mapped_mut().unwrap()[..size_of::<SceneData>()].copy_from_slice(bytemuck::bytes_of(&scene));
-    let set = device.scene_set(Backend::Software, &uniform, None).unwrap();
+    let set = Arc::new(device.scene_set(Backend::Software, uniform, None).unwrap());
     let mut executor = Executor::new(&device, Backend::Software).unwrap();
     let mut run = executor.run(g, &RunOptions { scene: Some(&set), ..RunOptions::default() }).unwrap();
     assert_eq!(run.take(ticket), expected);

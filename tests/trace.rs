@@ -17,6 +17,7 @@ use parhelion::shaders::test::trace::{Bind, Params, Spec};
 use parhelion::shaders::{self, SceneData, SceneSpec, TestHit as Hit, TestRay};
 use parhelion::vk::{Backend, Device};
 use std::ops::Range;
+use std::sync::Arc;
 
 const ULPS: f64 = 8.0;
 const RAYS: usize = 100_000;
@@ -63,7 +64,7 @@ impl<'a> Traced<'a> {
             })
             .collect();
         let uniform = self.device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
-        let set = self.device.scene_set(self.backend, &uniform, self.structure.top_level()).unwrap();
+        let set = Arc::new(self.device.scene_set(self.backend, uniform, self.structure.top_level()).unwrap());
         let kernel = shaders::test::trace::kernel(Spec { any_hit }, &spec);
 
         let mut g = Graph::new();

@@ -16,6 +16,7 @@ use parhelion::shaders::test::visibility::{Bind, Params, kernel};
 use parhelion::shaders::{SceneData, SceneSpec, TestRay};
 use parhelion::techniques::indirect::Visibility;
 use parhelion::vk::{Backend, Device, DeviceKind};
+use std::sync::Arc;
 
 const RAYS: usize = 10_000;
 const BOXES: BoxOptions = BoxOptions { split: None, planes: false };
@@ -222,7 +223,7 @@ fn trace(
     };
     let rays: Vec<TestRay> = rays.iter().map(test_ray).collect();
     let uniform = device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
-    let mut set = device.scene_set(backend, &uniform, structure.top_level()).unwrap();
+    let mut set = device.scene_set(backend, uniform, structure.top_level()).unwrap();
     if let Some(boxes) = structure.box_top_level() {
         set.set_boxes(boxes);
     }
@@ -235,7 +236,7 @@ fn trace(
     g.pass("visibility", &kernel(&spec), bind, Params { count }, Grid::Of([count, 1, 1]));
     let ticket = g.read_buffer::<u32>(blocked);
     let mut executor = Executor::new(device, backend).unwrap();
-    let options = RunOptions { scene: Some(&set), ..RunOptions::default() };
+    let options = RunOptions { scene: Some(&Arc::new(set)), ..RunOptions::default() };
     executor.run(g, &options).unwrap().take(ticket).iter().map(|&word| word != 0).collect()
 }
 

@@ -1,6 +1,10 @@
 //! Pictures of a plan.
 
-use super::{Desc, PassTime, Plan, plan::PlannedResource};
+use super::{
+    planned::{Plan, PlannedResource},
+    resource::Desc,
+    times::PassTime,
+};
 use serde::{Serialize, Serializer, ser::SerializeMap};
 use std::fmt::Write;
 

@@ -52,6 +52,76 @@ impl fmt::Display for Mistake {
 
 impl std::error::Error for Mistake {}
 
+/// What a plan does wrong.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Violation {
+    /// Two passes touch the same memory, one of them writes, and nothing orders them or makes the write seen.
+    #[error(
+        "pass `{second}` touches `{later}` without waiting for pass `{first}`, which touches `{earlier}`"
+    )]
+    Unordered {
+        /// Path of the earlier pass.
+        first: String,
+        /// Path of the later pass.
+        second: String,
+        /// The earlier pass's resource.
+        earlier: String,
+        /// The later pass's resource: the same, or one in the same memory.
+        later: String,
+    },
+    /// Two transients in use at the same time share memory.
+    #[error("`{first}` and `{second}` are in use at the same time and share memory")]
+    Clobbered {
+        /// One resource.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A transient has no memory, or lies outside its heap.
+    #[error("`{resource}` has no memory")]
+    Unplaced {
+        /// The resource.
+        resource: String,
+    },
+    /// A transient is read before it is written.
+    #[error("pass `{pass}` reads `{resource}`, which nothing has written")]
+    Unwritten {
+        /// Path of the pass.
+        pass: String,
+        /// The resource.
+        resource: String,
+    },
+    /// An image's layout is not set at its first use, or is set elsewhere.
+    #[error("image `{resource}` is {} in pass `{pass}`", if *.missing { "not initialised" } else { "initialised wrongly" })]
+    Layout {
+        /// Path of the pass.
+        pass: String,
+        /// The image.
+        resource: String,
+        /// Whether it should have been set here.
+        missing: bool,
+    },
+}
+
+/// Why a graph was not planned or did not run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The graph is declared wrongly.
+    #[error(transparent)]
+    Declaration(#[from] Mistake),
+    /// The run was stopped by [`RunOptions::cancel`].
+    #[error("interrupted")]
+    Cancelled,
+    /// The planner made a plan that the oracle refuses: a bug of the library. Sought in debug builds only.
+    #[error("the plan is wrong: {0}")]
+    Plan(#[from] Violation),
+    /// The device or its driver.
+    #[error(transparent)]
+    Vulkan(#[from] crate::vk::Error),
+}
+
 /// ` (did you mean `x`?)` when a candidate is close, else nothing.
 pub(super) fn suggestion<'n>(asked: &str, names: impl IntoIterator<Item = &'n str>) -> String {
     names

@@ -1,8 +1,8 @@
 //! What a kernel pass is recorded from: the kernel, its resources and its parameters.
 
 use super::{
-    AnyRes, Mistake,
-    error::{quoted, suggestion},
+    error::{Mistake, quoted, suggestion},
+    resource::AnyRes,
 };
 use crate::vk::KernelCode;
 use std::{marker::PhantomData, sync::Arc};

@@ -76,46 +76,34 @@
 //! }
 //! ```
 
+mod barriers;
 mod check;
-mod decl;
 mod dump;
 mod error;
 mod exec;
 mod kernel;
 mod place;
 mod plan;
+mod planned;
+mod record;
+mod requirements;
+mod resource;
 mod stages;
 mod times;
+mod work;
 
-pub use check::{Violation, check};
-pub use decl::{AnyRes, Buffer, BufferDesc, Desc, Graph, Grid, Image, ImageDesc, Res, Tap, Ticket};
-pub use error::Mistake;
-pub use exec::{Executor, Progress, RawContext, Run, RunOptions};
+pub use check::check;
+pub use error::{Error, Mistake, Violation};
+pub use exec::{Executor, InFlight, Progress, Run, RunOptions};
 pub use kernel::{Bindings, Kernel, ParamValue, Params, RuntimeKernel};
-pub use plan::{
-    Barrier, Culled, Heap, Limits, Memory, Placement, Plan, PlannedAccess, PlannedPass, PlannedResource,
-    Requirements, Typical,
-};
+pub use place::{Heap, Placement};
+pub use planned::{Barrier, Culled, Plan, PlannedAccess, PlannedPass, PlannedResource};
+pub use record::Graph;
+pub use requirements::{Limits, Memory, Requirements, Typical};
+pub use resource::{AnyRes, Buffer, BufferDesc, Desc, Image, ImageDesc, Res, Tap, Ticket};
 pub use stages::Stages;
 pub use times::{PassTime, TimeNode, roll_up};
-
-/// Why a graph was not planned or did not run.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// The graph is declared wrongly.
-    #[error(transparent)]
-    Declaration(#[from] Mistake),
-    /// The run was stopped by [`RunOptions::cancel`].
-    #[error("interrupted")]
-    Cancelled,
-    /// The planner made a plan that the oracle refuses: a bug of the library. Sought in debug builds only.
-    #[error("the plan is wrong: {0}")]
-    Plan(#[from] Violation),
-    /// The device or its driver.
-    #[error(transparent)]
-    Vulkan(#[from] crate::vk::Error),
-}
+pub use work::{Grid, RawContext};
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,37 @@
 //! Where transients lie: first fit, largest first, sharing memory where lifetimes are disjoint.
 
-use super::plan::{Heap, Limits, Memory, Placement};
+use super::requirements::{Limits, Memory};
+use serde::Serialize;
+
+/// Memory that transients share.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Heap {
+    /// Bytes.
+    pub size: u64,
+    /// The memory types that suit all that lies in it, one bit each.
+    pub memory_type_bits: u32,
+}
+
+/// Where a transient lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+pub struct Placement {
+    /// Index in [`Plan::heaps`].
+    pub heap: usize,
+    /// Bytes from the heap's start.
+    pub offset: u64,
+    /// Bytes, with padding to the alignment.
+    pub size: u64,
+}
+
+impl Placement {
+    /// Whether some byte belongs to both.
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.heap == other.heap
+            && self.offset < other.offset + other.size
+            && other.offset < self.offset + self.size
+    }
+}
 
 /// One transient to place.
 #[derive(Clone, Copy, Debug)]

@@ -1,204 +1,36 @@
 //! From declarations to a plan, in phases: validate, cull, lifetimes, place, barriers.
 
 use super::{
-    Desc, ImageDesc, Mistake, Stages,
-    decl::{Dispatch, Graph, Work},
-    place::{self, Item},
+    barriers::barriers,
+    error::{Error, Mistake},
+    place::{self, Heap, Item},
+    planned::{Culled, Plan, PlannedAccess, PlannedPass, PlannedResource},
+    record::Graph,
+    requirements::{Limits, Requirements},
+    resource::Desc,
+    work::{Dispatch, PassDecl, Work},
 };
 use crate::vk::BindingKind;
-use serde::Serialize;
 
-/// What a device asks of the memory of a resource.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Memory {
-    /// Bytes.
-    pub size: u64,
-    /// Of the offset, in bytes, a power of two. Where all keep to theirs, with sizes rounded up to it, buffers
-    /// and images are as far apart as the device asks.
-    pub alignment: u64,
-    /// The memory types that will do, one bit each.
-    pub memory_type_bits: u32,
-}
-
-/// The limits of a device that planning respects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Workgroups of a dispatch in x, y and z.
-    pub max_groups: [u32; 3],
-    /// Bytes of a storage buffer binding.
-    pub max_storage_buffer_range: u64,
-    /// Bytes of a buffer.
-    pub max_buffer: u64,
-    /// Texels along a side of an image.
-    pub max_image_side: u32,
-    /// Bytes of one allocation.
-    pub max_allocation: u64,
-}
-
-/// What a plan needs to know of a device.
-pub trait Requirements {
-    /// Memory of a buffer of `size` bytes.
-    fn buffer(&self, size: u64) -> Memory;
-    /// Memory of an image.
-    fn image(&self, desc: ImageDesc) -> Memory;
-    /// Limits.
-    fn limits(&self) -> Limits;
-}
-
-/// A common device, for plans where there is none at hand.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Typical;
-
-impl Requirements for Typical {
-    fn buffer(&self, size: u64) -> Memory {
-        Memory { size, alignment: 256, memory_type_bits: 1 }
+impl Graph {
+    /// Decides what runs, in which memory and behind which barriers. Pure: the device comes in as data.
+    ///
+    /// # Errors
+    /// The first mistake made while recording, or a limit of the device that is passed.
+    pub fn plan(&self, requirements: &dyn Requirements) -> Result<Plan, Error> {
+        self.plan_with(requirements, true)
     }
 
-    fn image(&self, desc: ImageDesc) -> Memory {
-        Memory { size: desc.bytes(), alignment: 4096, memory_type_bits: 1 }
-    }
-
-    fn limits(&self) -> Limits {
-        Limits {
-            max_groups: [65535; 3],
-            max_storage_buffer_range: 1 << 27,
-            max_buffer: 1 << 30,
-            max_image_side: 16384,
-            max_allocation: 1 << 30,
-        }
+    /// [`plan`](Self::plan) with the sharing of memory between transients on or off.
+    ///
+    /// # Errors
+    /// Those of `plan`.
+    pub fn plan_with(&self, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Error> {
+        Ok(plan(self, requirements, alias)?)
     }
 }
 
-/// Memory that transients share.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Heap {
-    /// Bytes.
-    pub size: u64,
-    /// The memory types that suit all that lies in it, one bit each.
-    pub memory_type_bits: u32,
-}
-
-/// Where a transient lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-pub struct Placement {
-    /// Index in [`Plan::heaps`].
-    pub heap: usize,
-    /// Bytes from the heap's start.
-    pub offset: u64,
-    /// Bytes, with padding to the alignment.
-    pub size: u64,
-}
-
-impl Placement {
-    /// Whether some byte belongs to both.
-    #[must_use]
-    pub fn overlaps(&self, other: &Self) -> bool {
-        self.heap == other.heap
-            && self.offset < other.offset + other.size
-            && other.offset < self.offset + self.size
-    }
-}
-
-/// A resource as planned.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlannedResource {
-    /// As declared; names may repeat.
-    pub name: String,
-    /// What it is.
-    pub desc: Desc,
-    /// Whether its contents outlive the graph.
-    pub imported: bool,
-    /// The first and the last pass of [`Plan::passes`] that touches it, if one does.
-    pub lifetime: Option<[usize; 2]>,
-    /// Where it lies, if it is a transient that some pass touches.
-    pub placement: Option<Placement>,
-}
-
-impl PlannedResource {
-    /// Whether pass `p` is the first that touches it.
-    fn begins(&self, p: usize) -> bool {
-        self.lifetime.is_some_and(|[first, _]| first == p)
-    }
-}
-
-/// One resource a pass touches.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlannedAccess {
-    /// Index in [`Plan::resources`].
-    pub resource: usize,
-    /// The shader's variable, or what a transfer calls its operand.
-    pub variable: String,
-    /// Where in the pipeline.
-    pub stages: Stages,
-    /// Whether earlier contents are read.
-    pub reads: bool,
-    /// Whether contents change.
-    pub writes: bool,
-}
-
-/// What precedes a pass: one `vkCmdPipelineBarrier2`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Barrier {
-    /// Stages of earlier passes that must have ended. Empty where only images are initialised that share
-    /// their memory with nothing earlier.
-    pub before: Stages,
-    /// Stages of this and later passes that wait.
-    pub after: Stages,
-    /// Whether writes in `before` are made available and visible to `after`; else it only orders.
-    pub memory: bool,
-    /// Images whose first use this is (indices in [`Plan::resources`]): their layout becomes `GENERAL` and
-    /// their contents undefined.
-    pub initialise: Vec<usize>,
-}
-
-/// A pass that runs.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlannedPass {
-    /// Names of its groups and its own, joined by `/`; a repeated path ends in `#2`, `#3`, ….
-    pub path: String,
-    /// `kernel`, `transfer`, `readback` or `raw`.
-    pub kind: &'static str,
-    /// The kernel's name.
-    pub shader: Option<String>,
-    /// Workgroups, if the host knows.
-    pub groups: Option<[u32; 3]>,
-    /// What it touches.
-    pub accesses: Vec<PlannedAccess>,
-    /// What precedes it, if anything must.
-    pub barrier: Option<Barrier>,
-    /// Its place among the passes recorded.
-    #[serde(skip)]
-    pub(super) recorded: usize,
-}
-
-/// A pass that does not run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Culled {
-    /// Its path.
-    pub path: String,
-    /// Why nobody misses it.
-    pub why: String,
-}
-
-/// What runs, in which memory, behind which barriers. Before the first pass all earlier work on the device
-/// has ended and is visible; after the last, all is made visible to the host.
-#[derive(Clone, Debug, Serialize)]
-pub struct Plan {
-    /// Everything declared.
-    pub resources: Vec<PlannedResource>,
-    /// In order of execution.
-    pub passes: Vec<PlannedPass>,
-    /// What was recorded and is left out.
-    pub culled: Vec<Culled>,
-    /// Memory of the transients.
-    pub heaps: Vec<Heap>,
-    /// Bytes of the heaps.
-    pub transient_bytes: u64,
-    /// Bytes they would have if no memory were shared.
-    pub unaliased_bytes: u64,
-}
-
-pub(super) fn plan(graph: &Graph, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Mistake> {
+fn plan(graph: &Graph, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Mistake> {
     let limits = requirements.limits();
     validate(graph, &limits)?;
     let (mut passes, culled) = cull(graph);
@@ -287,7 +119,7 @@ fn cull(graph: &Graph) -> (Vec<PlannedPass>, Vec<Culled>) {
     (kept, culled)
 }
 
-fn planned(pass: &super::decl::PassDecl, recorded: usize) -> PlannedPass {
+fn planned(pass: &PassDecl, recorded: usize) -> PlannedPass {
     let (shader, groups) = match &pass.work {
         Work::Kernel(kernel) => (
             Some(kernel.code.name.clone().into_owned()),
@@ -360,144 +192,4 @@ fn place(
         resources[index].placement = Some(placement);
     }
     (placed.heaps, placed.unaliased_bytes)
-}
-
-/// An access by one stage, and what the barriers since then have done for it.
-#[derive(Clone, Copy, Default)]
-struct Track {
-    /// Stages that start after it has ended.
-    ordered: Stages,
-    /// For a write: it has been made available.
-    available: bool,
-    /// For a write: stages that see it.
-    visible: Stages,
-}
-
-/// The accesses of a resource that a later one may have to wait for, by stage: the last write and the reads
-/// since. Earlier ones were waited for by these.
-#[derive(Clone, Default)]
-struct State {
-    writes: [Option<Track>; Stages::COUNT],
-    reads: [Option<Track>; Stages::COUNT],
-}
-
-impl State {
-    /// Adds to `barrier` what an access by `stages` still has to wait for.
-    fn hazards(&self, barrier: &mut Barrier, stages: Stages, reads: bool, writes: bool) {
-        let mut wait = |bit: usize, memory: bool| {
-            barrier.before |= Stages::bit(bit);
-            barrier.after |= stages;
-            barrier.memory |= memory;
-        };
-        for (bit, write) in self.writes.iter().enumerate() {
-            let Some(write) = write else { continue };
-            if reads && !write.visible.contains(stages) {
-                wait(bit, true);
-            } else if writes && !(write.available && write.ordered.contains(stages)) {
-                wait(bit, !write.available);
-            }
-        }
-        for (bit, read) in self.reads.iter().enumerate() {
-            if read.is_some_and(|read| writes && !read.ordered.contains(stages)) {
-                wait(bit, false);
-            }
-        }
-    }
-
-    /// Adds what a change of layout has to wait for: it takes its turn only behind stages it names itself.
-    fn before_layout(&self, barrier: &mut Barrier) {
-        for (bit, (write, read)) in self.writes.iter().zip(&self.reads).enumerate() {
-            if write.is_some() || read.is_some() {
-                barrier.before |= Stages::bit(bit);
-                barrier.memory |= write.is_some_and(|write| !write.available);
-            }
-        }
-    }
-
-    fn pass_barrier(&mut self, barrier: &Barrier) {
-        for (bit, track) in (0..).zip(&mut self.writes).chain((0..).zip(&mut self.reads)) {
-            let Some(track) = track else { continue };
-            let direct = barrier.before.contains(Stages::bit(bit));
-            if direct || barrier.before.intersects(track.ordered) {
-                track.ordered |= barrier.after;
-                track.available |= direct && barrier.memory;
-                if track.available && barrier.memory {
-                    track.visible |= barrier.after;
-                }
-            }
-        }
-    }
-
-    fn touch(&mut self, stages: Stages, writes: bool) {
-        if writes {
-            *self = Self::default();
-        }
-        let tracks = if writes { &mut self.writes } else { &mut self.reads };
-        for bit in stages.bits() {
-            tracks[bit] = Some(Track::default());
-        }
-    }
-}
-
-/// Puts one merged barrier before each pass that has a hazard which no earlier barrier covers.
-fn barriers(passes: &mut [PlannedPass], resources: &[PlannedResource]) {
-    let mut states = vec![State::default(); resources.len()];
-    let shares = sharing(resources);
-    let alone = |index: usize| {
-        let resource = &resources[index];
-        matches!(resource.desc, Desc::Image(_)) && resource.placement.is_some() && shares[index].is_empty()
-    };
-    // Images that follow none in their memory get their layout before the first pass: a barrier later on would keep
-    // passes apart that need not wait for each other.
-    let mut barrier =
-        Barrier { initialise: (0..resources.len()).filter(|&i| alone(i)).collect(), ..Barrier::default() };
-    let first_uses =
-        passes.iter().enumerate().flat_map(|(p, pass)| pass.accesses.iter().map(move |a| (p, a)));
-    for (_, access) in first_uses.filter(|(p, a)| alone(a.resource) && resources[a.resource].begins(*p)) {
-        barrier.after |= access.stages;
-    }
-    for (p, pass) in passes.iter_mut().enumerate() {
-        for access in &pass.accesses {
-            let resource = &resources[access.resource];
-            states[access.resource].hazards(&mut barrier, access.stages, access.reads, access.writes);
-            if resource.imported || !resource.begins(p) {
-                continue;
-            }
-            let image = matches!(resource.desc, Desc::Image(_));
-            for &other in &shares[access.resource] {
-                states[other].hazards(&mut barrier, access.stages, false, true);
-                if image {
-                    states[other].before_layout(&mut barrier);
-                }
-            }
-            if image && !alone(access.resource) && !barrier.initialise.contains(&access.resource) {
-                barrier.initialise.push(access.resource);
-                barrier.after |= access.stages;
-            }
-        }
-        let barrier = std::mem::take(&mut barrier);
-        if !barrier.after.is_empty() {
-            for state in &mut states {
-                state.pass_barrier(&barrier);
-            }
-            pass.barrier = Some(barrier);
-        }
-        for writes in [true, false] {
-            for access in pass.accesses.iter().filter(|access| access.writes == writes) {
-                states[access.resource].touch(access.stages, writes);
-            }
-        }
-    }
-}
-
-/// For each transient, the earlier ones that lie in its memory.
-fn sharing(resources: &[PlannedResource]) -> Vec<Vec<usize>> {
-    let placed = |i: usize| resources[i].placement.zip(resources[i].lifetime);
-    let earlier = |i: usize| {
-        let Some((here, [first, _])) = placed(i) else { return Vec::new() };
-        let shares =
-            |&j: &usize| placed(j).is_some_and(|(there, [_, last])| last < first && here.overlaps(&there));
-        (0..resources.len()).filter(shares).collect()
-    };
-    (0..resources.len()).map(earlier).collect()
 }

@@ -1,3 +1,6 @@
+//! Where in the pipeline passes run.
+
+use ash::vk as raw;
 use std::{fmt, ops::BitOr};
 
 /// A set of the pipeline stages that passes run in.
@@ -39,6 +42,13 @@ impl Stages {
     /// The set with the stage of bit `i` alone.
     pub(super) const fn bit(i: usize) -> Self {
         Self(1 << i)
+    }
+
+    /// The stages as Vulkan names them, no more than the set: what is none of ours may be any.
+    pub(super) fn flags(self) -> raw::PipelineStageFlags2 {
+        type S = raw::PipelineStageFlags2;
+        let names = [S::COMPUTE_SHADER, S::ALL_TRANSFER, S::DRAW_INDIRECT, S::ALL_COMMANDS];
+        self.bits().fold(S::NONE, |flags, bit| flags | names[bit])
     }
 
     /// The bits that are set.

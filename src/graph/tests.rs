@@ -203,6 +203,24 @@ proptest! {
     }
 
     /// No barrier is missing and none is superfluous: the oracle misses each one that is taken away.
+    /// The oracle reads sets of stages, the device the masks they are sent as.
+    #[test]
+    fn masks_order_what_stages_do(random in random_graph(), alias: bool) {
+        let mut plan = record(&random).plan_with(&Typical, alias).unwrap();
+        let covered = |stages: Stages| {
+            type S = ash::vk::PipelineStageFlags2;
+            let flags = stages.flags();
+            let all = flags.contains(S::ALL_COMMANDS);
+            let names = [(S::COMPUTE_SHADER, Stages::COMPUTE), (S::ALL_TRANSFER, Stages::TRANSFER), (S::DRAW_INDIRECT, Stages::INDIRECT)];
+            let some = names.into_iter().filter(|(flag, _)| flags.contains(*flag));
+            if all { Stages::ALL } else { some.fold(Stages::NONE, |all, (_, stage)| all | stage) }
+        };
+        for barrier in plan.passes.iter_mut().filter_map(|pass| pass.barrier.as_mut()) {
+            (barrier.before, barrier.after) = (covered(barrier.before), covered(barrier.after));
+        }
+        check(&plan).unwrap();
+    }
+
     #[test]
     fn every_barrier_is_needed(random in random_graph(), alias: bool) {
         let plan = record(&random).plan_with(&random.table, alias).unwrap();
@@ -268,7 +286,7 @@ proptest! {
         let graph = record(&random);
         let passes = &graph.passes;
         let mut seen: Vec<bool> = passes.iter().map(|pass| {
-            matches!(pass.work, decl::Work::Readback { .. } | decl::Work::Raw(_))
+            matches!(pass.work, work::Work::Readback { .. } | work::Work::Raw(_))
                 || pass.uses.iter().any(|u| u.access.writes() && graph.resources[u.resource as usize].imported)
         }).collect();
         while let Some(p) = (0..passes.len()).find(|&p| {
@@ -680,13 +698,13 @@ fn named_passes_check_names_kinds_and_parameters() {
         assert_eq!(found, format!("pass `{path}`{at}: {what}"));
     }
     g.pass_named("good", &kernel, &good, &params, Grid::Over(ao)).unwrap();
-    let decl::Work::Kernel(work) = &g.passes.last().unwrap().work else { panic!("a kernel was recorded") };
+    let work::Work::Kernel(work) = &g.passes.last().unwrap().work else { panic!("a kernel was recorded") };
     let expected: Vec<u8> = [1.0_f32.to_bits(), 2.0_f32.to_bits(), 3.0_f32.to_bits(), 3]
         .iter()
         .flat_map(|word| word.to_ne_bytes())
         .collect();
     assert_eq!(work.params, expected);
-    assert!(matches!(work.dispatch, decl::Dispatch::Groups([8, 8, 1])));
+    assert!(matches!(work.dispatch, work::Dispatch::Groups([8, 8, 1])));
 }
 
 #[test]
@@ -787,4 +805,17 @@ fn times_roll_up_and_miss_what_was_not_measured() {
 fn descriptions_of_foreign_images_are_refused() {
     let image = Graph::new().image("a", small());
     let _ = Graph::new().desc(image);
+}
+
+/// A raw pass runs in stages that have no name here; what waits for it alone waits for every stage.
+#[test]
+fn stages_of_raw_passes_are_never_dropped() {
+    type S = ash::vk::PipelineStageFlags2;
+    let other = Stages::bit(Stages::COUNT - 1);
+    for bits in 0..1 << Stages::COUNT {
+        let stages = (0..Stages::COUNT).filter(|bit| bits & (1 << bit) != 0);
+        let stages = stages.fold(Stages::NONE, |all, bit| all | Stages::bit(bit));
+        assert_eq!(stages.flags().contains(S::ALL_COMMANDS), stages.contains(other), "{stages}");
+        assert_eq!(stages.flags().is_empty(), stages.is_empty(), "{stages}");
+    }
 }

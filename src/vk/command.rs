@@ -112,6 +112,19 @@ impl Submission {
         unsafe { device.raw.wait_semaphores(&info, u64::MAX) }
             .map_err(Error::vulkan("vkWaitSemaphores", &self.commands.name))
     }
+
+    /// Whether the work has ended.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::DeviceLost`], or what the driver said.
+    pub fn has_ended(&self) -> Result<bool, Error> {
+        let device = &self.commands.device.0;
+        // SAFETY: the timeline lives as long as the device.
+        unsafe { device.raw.get_semaphore_counter_value(device.queue.timeline) }
+            .map(|reached| reached >= self.value)
+            .map_err(Error::vulkan("vkGetSemaphoreCounterValue", &self.commands.name))
+    }
 }
 
 impl Drop for Submission {

@@ -4,8 +4,10 @@
 //! [`Backend::RayQuery`] binding 1 is the acceleration structure over triangles and binding 2 that over their boxes.
 //! Set 1 is the pass and is pushed.
 
+use std::any::Any;
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -331,13 +333,21 @@ fn identity(code: &KernelCode, backend: Backend) -> Code {
 
 /// Set 0, filled: what every kernel of a frame knows of the scene.
 ///
-/// It names the buffer and the acceleration structures it was given; they must outlive its use.
-#[derive(Debug)]
+/// It owns its uniform buffer. The acceleration structures it names, and what the uniform buffer leads to by address,
+/// must outlive its use: [`SceneSet::keep`].
 pub struct SceneSet {
     device: Device,
     pool: vk::DescriptorPool,
     raw: vk::DescriptorSet,
     backend: Backend,
+    uniform: Buffer,
+    kept: Vec<Arc<dyn Any + Send + Sync>>,
+}
+
+impl fmt::Debug for SceneSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SceneSet").field("backend", &self.backend).field("uniform", &self.uniform).finish()
+    }
 }
 
 impl SceneSet {
@@ -349,6 +359,17 @@ impl SceneSet {
 
     pub(crate) fn raw(&self) -> vk::DescriptorSet {
         self.raw
+    }
+
+    /// The bytes of the uniform buffer, if it is an [upload](super::MemoryKind::Upload) buffer, to be written and never
+    /// read. Whoever has the set to himself has no run in flight that reads them.
+    pub fn uniform_mut(&mut self) -> Option<&mut [u8]> {
+        self.uniform.mapped_mut()
+    }
+
+    /// Keeps something alive for as long as the set.
+    pub fn keep(&mut self, what: Arc<dyn Any + Send + Sync>) {
+        self.kept.push(what);
     }
 
     /// Puts the structure over triangles' boxes at binding 2, for [`Backend::RayQuery`].
@@ -393,7 +414,7 @@ impl Device {
     pub fn scene_set(
         &self,
         backend: Backend,
-        uniform: &Buffer,
+        uniform: Buffer,
         structure: Option<&AccelerationStructure>,
     ) -> Result<SceneSet, Error> {
         let limit = u64::from(self.0.limits.properties.max_uniform_buffer_range);
@@ -411,7 +432,14 @@ impl Device {
         // SAFETY: acceleration structures are only named where their extension is enabled.
         let pool = unsafe { self.raw().create_descriptor_pool(&info, None) }
             .map_err(Error::vulkan("vkCreateDescriptorPool", "scene"))?;
-        let mut set = SceneSet { device: self.clone(), pool, raw: vk::DescriptorSet::null(), backend };
+        let mut set = SceneSet {
+            device: self.clone(),
+            pool,
+            raw: vk::DescriptorSet::null(),
+            backend,
+            uniform,
+            kept: Vec::new(),
+        };
         self.set_name(pool, "scene");
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool has room for exactly this set.
@@ -419,7 +447,7 @@ impl Device {
             .map_err(Error::vulkan("vkAllocateDescriptorSets", "scene"))?[0];
         self.set_name(set.raw, "scene");
 
-        let buffers = [uniform.descriptor()];
+        let buffers = [set.uniform.descriptor()];
         let write = vk::WriteDescriptorSet::default()
             .dst_set(set.raw)
             .dst_binding(0)

@@ -314,7 +314,7 @@ mod kernels {
     use super::*;
     use crate::vk::accel::{Input, Instance, Triangles};
     use crate::vk::{
-        AccelerationStructure, Access, Backend, Binding, BindingKind, Buffer, KernelCode, Modules, Pipelines,
+        AccelerationStructure, Access, Backend, Binding, BindingKind, KernelCode, Modules, Pipelines,
     };
 
     fn spirv(source: &str) -> Vec<u32> {
@@ -357,7 +357,7 @@ mod kernels {
         backend: Backend,
         spec: &'a [u32],
         params: &'a [u8],
-        uniform: &'a Buffer,
+        uniform: &'a [u8],
         structure: Option<&'a AccelerationStructure>,
         groups: [u32; 2],
         words: usize,
@@ -369,7 +369,8 @@ mod kernels {
             let device = self.pipelines.device();
             let raw = device.raw();
             let pipeline = self.pipelines.get(self.code, self.spec, self.backend).unwrap();
-            let set = device.scene_set(self.backend, self.uniform, self.structure).unwrap();
+            let uniform = device.upload("scene", self.uniform).unwrap();
+            let set = device.scene_set(self.backend, uniform, self.structure).unwrap();
             let results = device.upload("results", &vec![0xff; self.words * 4]).unwrap();
             let point = vk::PipelineBindPoint::COMPUTE;
             device
@@ -416,13 +417,13 @@ mod kernels {
         let Some((_guard, device)) = common::device() else { return };
         let pipelines = Pipelines::with_cache(&device, None).unwrap();
         let code = kernel("wiring", WIRING, 28, &[3, 7]);
-        let uniform = device.upload("scene", &6_i32.to_ne_bytes()).unwrap();
+        let uniform = &6_i32.to_ne_bytes();
         let params: Vec<u8> = [4_i32, 0, 0, 0, 0, 0, 5].iter().flat_map(|v| v.to_ne_bytes()).collect();
         let mut backends = vec![Backend::Software];
         backends.extend(device.info().ray_query.then_some(Backend::RayQuery));
         for backend in backends {
             let run = |spec: &[u32]| {
-                let (pipelines, code, params, uniform) = (&pipelines, &code, &params, &uniform);
+                let (pipelines, code, params) = (&pipelines, &code, &params);
                 let (groups, words, structure) = ([2, 3], 6, None);
                 Run { pipelines, code, backend, spec, params, uniform, structure, groups, words }.results()
             };
@@ -511,10 +512,9 @@ mod kernels {
 
     fn trace(device: &Device, structure: &AccelerationStructure, rays: u32) -> Vec<i32> {
         let pipelines = Pipelines::with_cache(device, None).unwrap();
-        let uniform = device.upload("scene", &[0; 4]).unwrap();
         let (spec, params): (&[u32], &[u8]) = (&[], &[]);
         let (code, backend) = (&kernel("trace", TRACE, 0, &[]), Backend::RayQuery);
-        let (pipelines, uniform, structure) = (&pipelines, &uniform, Some(structure));
+        let (pipelines, uniform, structure) = (&pipelines, &[0; 4], Some(structure));
         let (groups, words) = ([0, rays], rays as usize);
         Run { pipelines, code, backend, spec, params, uniform, structure, groups, words }.results()
     }

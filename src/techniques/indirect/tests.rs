@@ -573,7 +573,8 @@ fn many_submits_are_one_frame() {
     };
     structure.describe(&mut data);
     let uniform = device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
-    let set = device.scene_set(Backend::Software, &uniform, structure.top_level()).unwrap();
+    let set =
+        std::sync::Arc::new(device.scene_set(Backend::Software, uniform, structure.top_level()).unwrap());
     let kernels = Kernels::new(&SceneProfile::of(&scene, 0.1), structure.stack_depth());
     let frame = FrameInfo {
         origin: [0, 0],

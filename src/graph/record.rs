@@ -1,304 +1,24 @@
 //! Recording: resources, passes, and every check that needs no device.
 
 use super::{
-    Bindings, Error, Mistake, Plan, RawContext, Requirements,
-    error::{quoted, suggestion},
-    kernel::{Kernel, Params, RuntimeKernel, by_name, named_params},
-    plan,
+    error::{Error, Mistake, quoted, suggestion},
+    kernel::{Bindings, Kernel, Params, RuntimeKernel, by_name, named_params},
+    resource::{AnyRes, Buffer, BufferDesc, Desc, Image, ImageDesc, Res, Tap, Ticket},
     stages::Stages,
+    work::{Code, Dispatch, Grid, KernelWork, Object, PassDecl, RawContext, ResourceDecl, Use, Work},
 };
-use crate::vk::{self, Access, BindingKind, Format, KernelCode};
+use crate::vk::{self, Access, BindingKind, KernelCode};
 use bytemuck::Pod;
 use std::{
     borrow::Cow,
     collections::HashMap,
     fmt,
-    marker::PhantomData,
     ops::Range,
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
     },
 };
-
-/// Marks handles of storage buffers, [`Res<Buffer>`].
-#[derive(Clone, Copy, Debug)]
-pub enum Buffer {}
-
-/// Marks handles of two-dimensional storage images, [`Res<Image>`].
-#[derive(Clone, Copy, Debug)]
-pub enum Image {}
-
-/// Handle of a resource of one graph. Using it in another graph is an error that names the pass.
-pub struct Res<T> {
-    any: AnyRes,
-    kind: PhantomData<fn() -> T>,
-}
-
-impl<T> Clone for Res<T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T> Copy for Res<T> {}
-
-impl<T> fmt::Debug for Res<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Res({}.{})", self.any.graph, self.any.index)
-    }
-}
-
-/// Handle of a resource whose kind is checked when it is used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AnyRes {
-    graph: u32,
-    index: u32,
-}
-
-impl AnyRes {
-    /// The index of a resource of the graph with this id.
-    pub(super) fn index_in(self, graph: u32) -> Option<u32> {
-        (self.graph == graph).then_some(self.index)
-    }
-}
-
-impl<T> From<Res<T>> for AnyRes {
-    fn from(res: Res<T>) -> Self {
-        res.any
-    }
-}
-
-/// Size and format of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ImageDesc {
-    /// Width and height in texels.
-    pub extent: [u32; 2],
-    /// Format of a texel.
-    pub format: Format,
-}
-
-impl ImageDesc {
-    /// An image of `extent` texels.
-    #[must_use]
-    pub const fn new(extent: [u32; 2], format: Format) -> Self {
-        Self { extent, format }
-    }
-
-    /// The grid of `n`×`n` windows that covers the image: each side divided by `n`, rounded up.
-    ///
-    /// ```
-    /// use parhelion::{graph::ImageDesc, vk::Format};
-    /// let full = ImageDesc::new([801, 600], Format::Rgba16Float);
-    /// assert_eq!(full.scaled_down(4).extent, [201, 150]);
-    /// ```
-    ///
-    /// # Panics
-    /// If `n` is 0.
-    #[must_use]
-    pub const fn scaled_down(self, n: u32) -> Self {
-        let [width, height] = self.extent;
-        Self { extent: [width.div_ceil(n), height.div_ceil(n)], ..self }
-    }
-
-    /// The same size in another format.
-    #[must_use]
-    pub const fn with_format(self, format: Format) -> Self {
-        Self { format, ..self }
-    }
-
-    /// Bytes of the texels, tightly packed.
-    #[must_use]
-    pub fn bytes(self) -> u64 {
-        u64::from(self.extent[0]) * u64::from(self.extent[1]) * u64::from(self.format.size())
-    }
-}
-
-/// Size of a buffer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct BufferDesc {
-    /// Bytes.
-    pub size: u64,
-}
-
-/// What a resource is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Desc {
-    /// A storage buffer.
-    Buffer(BufferDesc),
-    /// A storage image.
-    Image(ImageDesc),
-    /// Descriptor set 0 and all it leads to, see [`Graph::scene`].
-    Scene,
-}
-
-impl Desc {
-    /// Bytes of the contents; 0 for the scene, which the graph does not own.
-    #[must_use]
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::Buffer(desc) => desc.size,
-            Self::Image(desc) => desc.bytes(),
-            Self::Scene => 0,
-        }
-    }
-
-    fn noun(self) -> &'static str {
-        match self {
-            Self::Buffer(_) => "buffer",
-            Self::Image(_) => "image",
-            Self::Scene => "scene",
-        }
-    }
-}
-
-/// How many invocations a kernel pass starts. Kernels check their own bounds: the last workgroups may
-/// reach past the end.
-#[derive(Clone, Copy, Debug)]
-pub enum Grid {
-    /// One a texel of this image.
-    Over(Res<Image>),
-    /// This many invocations in x, y and z.
-    Of([u32; 3]),
-    /// As many *workgroups* as three 32-bit numbers in a buffer say (`VkDispatchIndirectCommand`).
-    /// Declared as a read; never split into bands.
-    Indirect {
-        /// Holds the three numbers.
-        buffer: Res<Buffer>,
-        /// Where they are, in bytes, a multiple of 4.
-        offset: u64,
-    },
-}
-
-/// A promise of contents, redeemed once with [`Run::take`](super::Run::take).
-pub struct Ticket<T> {
-    pub(super) graph: u32,
-    pub(super) index: usize,
-    kind: PhantomData<fn() -> T>,
-}
-
-impl<T> fmt::Debug for Ticket<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Ticket({}.{})", self.graph, self.index)
-    }
-}
-
-/// A promise of the bytes a pass left in a resource, from [`Graph::tap`].
-#[derive(Debug)]
-pub struct Tap {
-    /// Redeems the bytes; images come row by row from the top left, tightly packed.
-    pub ticket: Ticket<u8>,
-    /// What they are.
-    pub desc: Desc,
-}
-
-pub(super) type RecordRaw = Box<dyn FnOnce(&RawContext<'_>) + Send>;
-
-pub(super) enum Code {
-    Static(&'static KernelCode),
-    Shared(Arc<KernelCode>),
-}
-
-impl std::ops::Deref for Code {
-    type Target = KernelCode;
-
-    fn deref(&self) -> &KernelCode {
-        match self {
-            Self::Static(code) => code,
-            Self::Shared(code) => code,
-        }
-    }
-}
-
-pub(super) enum Dispatch {
-    Groups([u32; 3]),
-    Indirect { buffer: u32, offset: u64 },
-}
-
-pub(super) struct KernelWork {
-    pub(super) code: Code,
-    pub(super) spec: Vec<u32>,
-    /// Resources in the order of the code's bindings.
-    pub(super) bound: Vec<u32>,
-    pub(super) params: Vec<u8>,
-    pub(super) dispatch: Dispatch,
-}
-
-pub(super) enum Work {
-    Kernel(KernelWork),
-    Fill {
-        buffer: u32,
-        value: u32,
-    },
-    Clear {
-        image: u32,
-    },
-    Upload {
-        to: u32,
-        /// Where in staging memory.
-        at: u64,
-        bytes: Vec<u8>,
-    },
-    CopyBuffer {
-        from: u32,
-        from_offset: u64,
-        to: u32,
-        to_offset: u64,
-        size: u64,
-    },
-    CopyImage {
-        from: u32,
-        to: u32,
-    },
-    Readback {
-        from: u32,
-        ticket: usize,
-    },
-    /// Taken when it is recorded.
-    Raw(Option<RecordRaw>),
-}
-
-impl Work {
-    pub(super) fn noun(&self) -> &'static str {
-        match self {
-            Self::Kernel(_) => "kernel",
-            Self::Raw(_) => "raw",
-            Self::Readback { .. } => "readback",
-            _ => "transfer",
-        }
-    }
-}
-
-pub(super) struct Use {
-    pub(super) resource: u32,
-    pub(super) variable: Cow<'static, str>,
-    pub(super) stages: Stages,
-    pub(super) access: Access,
-}
-
-pub(super) struct PassDecl {
-    pub(super) path: String,
-    pub(super) uses: Vec<Use>,
-    pub(super) work: Work,
-}
-
-/// What an import stands for.
-#[derive(Clone, Debug)]
-pub(super) enum Object {
-    /// A transient, the scene, or an import that is only declared.
-    None,
-    Buffer(Arc<vk::Buffer>),
-    Image(Arc<vk::Image>),
-}
-
-pub(super) struct ResourceDecl {
-    pub(super) name: Cow<'static, str>,
-    pub(super) desc: Desc,
-    pub(super) imported: bool,
-    pub(super) object: Object,
-    /// A pass recorded so far writes it, or it is imported.
-    written: bool,
-}
 
 /// Index of the scene, see [`Graph::scene`].
 const SCENE: u32 = 0;
@@ -403,7 +123,7 @@ impl Graph {
     /// read it without saying so; a raw pass that builds or updates a part of it declares a write.
     #[must_use]
     pub fn scene(&self) -> AnyRes {
-        AnyRes { graph: self.id, index: SCENE }
+        AnyRes::new(self.id, SCENE)
     }
 
     /// Size and format of an image.
@@ -668,29 +388,13 @@ impl Graph {
         Ok(Tap { ticket, desc })
     }
 
-    /// Decides what runs, in which memory and behind which barriers. Pure: the device comes in as data.
-    ///
-    /// # Errors
-    /// The first mistake made while recording, or a limit of the device that is passed.
-    pub fn plan(&self, requirements: &dyn Requirements) -> Result<Plan, Error> {
-        self.plan_with(requirements, true)
-    }
-
-    /// [`plan`](Self::plan) with the sharing of memory between transients on or off.
-    ///
-    /// # Errors
-    /// Those of `plan`.
-    pub fn plan_with(&self, requirements: &dyn Requirements, alias: bool) -> Result<Plan, Error> {
-        Ok(plan::plan(self, requirements, alias)?)
-    }
-
     fn resource<T>(&mut self, name: Cow<'static, str>, desc: Desc, imported: bool) -> Res<T> {
         if desc.bytes() == 0 {
             self.remember(Err(Mistake::new(format!("{} `{name}` has no bytes", desc.noun()))));
         }
         let index = u32::try_from(self.resources.len()).expect("fewer than 2^32 resources");
         self.resources.push(ResourceDecl { name, desc, imported, object: Object::None, written: imported });
-        Res { any: AnyRes { graph: self.id, index }, kind: PhantomData }
+        Res::new(self.id, index)
     }
 
     fn import<T>(
@@ -702,10 +406,11 @@ impl Graph {
     ) -> Res<T> {
         // Two handles of one object would hide its hazards.
         if let Some(index) = self.resources.iter().position(|decl| same(&decl.object)) {
-            return Res { any: AnyRes { graph: self.id, index: index as u32 }, kind: PhantomData };
+            return Res::new(self.id, index as u32);
         }
         let res: Res<T> = self.resource(name, desc, true);
-        self.resources[res.any.index as usize].object = object;
+        let index = self.resources.len() - 1;
+        self.resources[index].object = object;
         res
     }
 
@@ -883,7 +588,7 @@ impl Graph {
     fn ticket<T>(&mut self, bytes: u64) -> Ticket<T> {
         let start = advance(&mut self.readback_bytes, bytes);
         self.tickets.push(start..start + bytes);
-        Ticket { graph: self.id, index: self.tickets.len() - 1, kind: PhantomData }
+        Ticket::new(self.id, self.tickets.len() - 1)
     }
 
     fn readback<T: Pod>(&mut self, resource: AnyRes) -> Ticket<T> {

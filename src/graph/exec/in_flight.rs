@@ -1,0 +1,80 @@
+//! A run that somebody waits for, or does not.
+
+use super::{
+    flight::{Flight, Shared, advance},
+    options::Progress,
+    run::Run,
+};
+use crate::graph::error::Error;
+use std::{
+    fmt,
+    sync::{MutexGuard, PoisonError},
+};
+
+/// A graph on its way. It owns what it uses: imports, scene, staging and transients live until its end, whatever becomes
+/// of the executor and of this handle.
+///
+/// Dropped, it submits nothing more and waits for what it has submitted.
+#[must_use = "dropping a run in flight gives up what is not yet submitted, and waits"]
+pub struct InFlight(Shared);
+
+impl fmt::Debug for InFlight {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let progress = self.progress(|progress| progress.done);
+        f.debug_struct("InFlight").field("done", &progress).finish_non_exhaustive()
+    }
+}
+
+impl InFlight {
+    pub(super) fn new(flight: Shared) -> Self {
+        Self(flight)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Flight> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Goes on without waiting for the device: where a submit has ended and parts of the graph are left, the next is
+    /// handed over. Returns whether all has ended.
+    ///
+    /// # Errors
+    /// Whatever the device says.
+    pub fn poll(&mut self) -> Result<bool, Error> {
+        advance(&self.0, false)
+    }
+
+    /// Whether all of it has been handed to the device, so that nothing is left for [`poll`](Self::poll) to do but to
+    /// see its end.
+    #[must_use]
+    pub fn is_submitted(&self) -> bool {
+        self.lock().is_submitted()
+    }
+
+    /// As [`poll`](Self::poll), after waiting for what is on the device now.
+    ///
+    /// # Errors
+    /// Whatever the device says.
+    pub fn step(&mut self) -> Result<bool, Error> {
+        advance(&self.0, true)
+    }
+
+    /// Tells `told` how far it is.
+    pub fn progress<R>(&self, told: impl FnOnce(Progress<'_>) -> R) -> R {
+        told(self.lock().progress())
+    }
+
+    /// Waits for its end.
+    ///
+    /// # Errors
+    /// Whatever the device says.
+    pub fn wait(mut self) -> Result<Run, Error> {
+        while !self.step()? {}
+        self.lock().finish()
+    }
+}
+
+impl Drop for InFlight {
+    fn drop(&mut self) {
+        self.lock().abandon();
+    }
+}
