@@ -11,7 +11,8 @@ use common::{assert_close, mean};
 use common::quad;
 
 use glam::{Affine3A, Vec3};
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
+use parhelion::methods::path;
 use parhelion::metrics;
 use parhelion::output::{Attribute, read_exr};
 use parhelion::renderer::{
@@ -91,7 +92,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 }
 
 fn config(width: u32, height: u32, spp: u32, max_depth: u32) -> RenderConfig {
-    let mut config = RenderConfig { method: Method::Path, size: [width, height], ..RenderConfig::default() };
+    let mut config = RenderConfig { method: &path::METHOD, size: [width, height], ..RenderConfig::default() };
     config.path_trace.spp = spp;
     config.path_trace.max_depth = Some(max_depth);
     config
@@ -802,7 +803,7 @@ fn layers_a_method_lacks_are_refused() {
         let error = ask(&config, aov).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         let text = error.to_string();
-        assert!(text.contains(config.method.name()) && text.contains(aov.name()), "{text}");
+        assert!(text.contains(config.method.name) && text.contains(aov.name()), "{text}");
     }
 }
 
