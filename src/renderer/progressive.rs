@@ -251,8 +251,9 @@ impl Renderer {
         let rate = if adaptive { MAX_RATE } else { 1 };
         let most = (PASS_ROUNDS / (method.rounds)(config).saturating_mul(rate)).max(1);
 
-        while state.samples < target && !cancelled() && request.time.is_none_or(|time| start.elapsed() < time)
-        {
+        // However short the time, there is a picture.
+        let in_time = |samples| samples == 0 || request.time.is_none_or(|time| start.elapsed() < time);
+        while state.samples < target && !cancelled() && in_time(state.samples) {
             if request.noise.is_some() && state.samples >= next_check {
                 // At numbers of samples that no clock decides.
                 next_check = state.samples + (state.samples / 4).max(2);
