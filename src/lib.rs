@@ -8,7 +8,6 @@ pub mod accel;
 pub mod chart;
 #[cfg(feature = "compile")]
 mod compile;
-pub mod config;
 pub mod denoise;
 pub mod docs;
 #[allow(unsafe_code)]
@@ -31,6 +30,7 @@ pub mod vk;
 
 #[cfg(feature = "compile")]
 pub use compile::CompileError;
+pub use methods::config;
 
 // Unit and integration tests share one set of helpers, which names the crate as the latter do.
 #[cfg(test)]

@@ -2,19 +2,19 @@
 //! in and the caches that frames share. A frame is a graph built anew, submitted and read back.
 
 use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
-use crate::config::{Method, RenderConfig};
+use crate::config::RenderConfig;
 use crate::denoise::{self, Denoiser};
 use crate::graph::{
     self, Desc, Executor, Graph, Image, ImageDesc, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap,
     Ticket,
 };
-use crate::methods::{self, FrameInfo, NoLayer};
+use crate::methods::{FrameInfo, NoLayer, Reach, VplCounts};
 use crate::sampling::pixel_offset;
 use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Feature, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
 use crate::techniques::indirect::{IndirectConfig, Visibility};
-use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, gbuffer, glare, tone_map};
+use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, glare, tone_map};
 use crate::vk::{self, DeviceKind, MemoryKind};
 use crate::vk::{Backend, Format};
 use glam::Vec2;
@@ -426,8 +426,7 @@ impl Renderer {
         request: &FrameRequest<'_>,
     ) -> Result<Frame, Error> {
         config.validate()?;
-        let method = methods::named(config.method.name());
-        method.check(config, &request.layers())?;
+        config.method.check_layers(config, &request.layers())?;
         self.ensure_boxes(&config.indirect)?;
         // A CPU device runs pass after pass: there the sum is the frame's time.
         let cpu = self.device.info().kind == DeviceKind::Cpu;
@@ -456,15 +455,14 @@ impl Renderer {
             let counters = picture.then(|| self.counters()).transpose()?;
             let pass_times = run <= request.repeat;
             let once = Once { picture, pass_times, counters: counters.as_ref(), progress: &report };
-            let render = if method.progressive { Self::progressive } else { Self::once };
-            let rendered = render(self, config, camera, request, &once)?;
+            let rendered = self.draw(config, camera, request, &once)?;
             if let Some(counters) = counters {
                 rays = self.rays(&counters)?;
             }
             if picture && runs > 1 && !cpu {
                 let again = Once { picture: false, pass_times, counters: None, progress: &report };
                 while begun.elapsed() < WARM_UP {
-                    render(self, config, camera, request, &again)?;
+                    self.draw(config, camera, request, &again)?;
                 }
             }
             if pass_times && (run > 0 || runs == 1) {
@@ -483,7 +481,7 @@ impl Renderer {
                 let whole = FrameRequest { time: None, noise: None, resume: None, preview: None, ..*request };
                 let other = FrameRequest { modelled, ..whole };
                 let once = Once { picture: false, pass_times, counters: None, progress: &report };
-                let rendered = render(self, config, camera, &other, &once)?;
+                let rendered = self.draw(config, camera, &other, &once)?;
                 if counts {
                     beside[way].push(Some(rendered.total.unwrap_or(rendered.wall_ms)));
                 }
@@ -502,6 +500,20 @@ impl Renderer {
             peak_device_bytes,
             ..frame
         })
+    }
+
+    /// Renders once, as the method does it.
+    fn draw(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        request: &FrameRequest<'_>,
+        once: &Once<'_>,
+    ) -> Result<Rendered, Error> {
+        match &config.method.progressive {
+            Some(method) => self.progressive(method, config, camera, request, once),
+            None => self.once(config, camera, request, once),
+        }
     }
 
     /// Renders all pixel samples once.
@@ -546,11 +558,7 @@ impl Renderer {
             };
             let mut run = self.executor.run(g, &options)?;
             rendered.add(&run);
-            rendered.frame = tickets.map(|tickets| Frame {
-                path_count: Some(config.vpl_shoot.paths()),
-                min_distance: Some(config.indirect.min_distance(self.area, &config.vpl_shoot)),
-                ..tickets.redeem(&mut run, view.extent, &layers, taps)
-            });
+            rendered.frame = tickets.map(|tickets| tickets.redeem(&mut run, view.extent, &layers, taps));
         }
         rendered.wall_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(rendered)
@@ -599,10 +607,9 @@ impl Renderer {
         let kernels = self.kernels(config.whitted.mirror_roughness);
         let modelling = |features: &[Feature]| modelling(kernels.clone(), config, features);
         let specialised = modelling(&[]);
-        let costs = |feature: &Feature| match (feature, config.method, self.backend) {
-            // Only paths end at what they find.
-            (Feature::Unlit, Method::Igi, _) | (Feature::DeepStructure, _, Backend::RayQuery) => false,
-            _ => !modelling(&[*feature]).same_as(&specialised),
+        let costs = |feature: &Feature| match (feature, self.backend) {
+            (Feature::DeepStructure, Backend::RayQuery) => false,
+            _ => !config.method.costless.contains(feature) && !modelling(&[*feature]).same_as(&specialised),
         };
         Feature::ALL.iter().copied().filter(costs).collect()
     }
@@ -673,16 +680,15 @@ pub fn plan(
     requirements: &dyn Requirements,
 ) -> Result<Plan, Error> {
     config.validate()?;
-    let method = methods::named(config.method.name());
-    method.check(config, aovs)?;
-    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH)
-        .with_indirect(&config.indirect);
+    config.method.check_layers(config, aovs)?;
+    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH);
+    let kernels = modelling(kernels, config, &[]);
     let view = Window::of(config);
     let mut info = view.frame(scene.area() as f32);
     let mut g = Graph::new();
-    if method.progressive {
+    if let Some(progressive) = &config.method.progressive {
         let image = |name| g.declare_image(name, ImageDesc::new(view.extent, Format::Rgba32Float));
-        info.means = Some(progressive::means(config, aovs, image));
+        info.means = Some(progressive::means((progressive.adaptive)(config), aovs, image));
         info.samples = 1;
     }
     let recorded = record(&mut g, &kernels, config, &view, &info, aovs, &[], 0);
@@ -701,10 +707,7 @@ struct Window {
 impl Window {
     fn of(config: &RenderConfig) -> Self {
         let [x0, y0, x1, y1] = config.window();
-        let (reach, cell) = match config.method {
-            Method::Igi => (config.indirect.reach(), config.indirect.downsample),
-            Method::Path => (0, 1),
-        };
+        let Reach { pixels: reach, cell } = (config.method.reach)(config);
         // Whole cells, or the samples that stand for them would lie outside.
         let low = |at: u32| at.saturating_sub(reach) / cell * cell;
         let high = |at: u32, size: u32| (at + reach).next_multiple_of(cell).min(size);
@@ -756,11 +759,7 @@ struct Once<'a> {
 
 /// The kernels for a frame, which model these, too.
 fn modelling(kernels: Kernels, config: &RenderConfig, features: &[Feature]) -> Kernels {
-    let kernels = kernels.modelling(features);
-    match config.method {
-        Method::Igi => kernels.with_indirect(&config.indirect),
-        Method::Path => kernels,
-    }
+    (config.method.kernels)(kernels.modelling(features), config)
 }
 
 /// What one render of all pixel samples came to.
@@ -789,7 +788,7 @@ impl Rendered {
 struct Recorded {
     /// Beauty, then the layers asked for; with several pixel samples their means.
     images: Vec<Res<Image>>,
-    vpl_count: Option<Res<graph::Buffer>>,
+    vpls: Option<VplCounts>,
     regathered: Option<Res<graph::Buffer>>,
 }
 
@@ -804,28 +803,9 @@ fn record(
     means: &[Arc<vk::Image>],
     sample: u32,
 ) -> Recorded {
-    let method = methods::named(config.method.name());
-    let layers = (method.record)(g, kernels, config, info);
+    let mut layers = (config.method.record)(g, kernels, config, info);
     let mut images = vec![layers.beauty];
-    let mut unpacked = layers.geometry;
-    for aov in aovs {
-        let mut geometry =
-            |g: &mut Graph| *unpacked.get_or_insert_with(|| gbuffer::unpack(g, kernels, &layers.gbuffer));
-        images.push(match aov {
-            Aov::Albedo => layers.gbuffer.albedo,
-            Aov::N | Aov::Depth => geometry(g).normal_depth,
-            Aov::P => geometry(g).position,
-            Aov::Direct => part(layers.direct),
-            Aov::Specular => layers.specular.unwrap_or_else(|| compose::black(g, layers.beauty)),
-            Aov::Glossy => layers.glossy.unwrap_or_else(|| compose::black(g, layers.beauty)),
-            Aov::Indirect => compose::indirect(g, &layers.gbuffer, part(layers.irradiance)),
-            Aov::Irradiance => part(layers.irradiance),
-            Aov::Variance => compose::variance(g, part(layers.halves)),
-            Aov::HalfA => part(layers.halves)[0],
-            Aov::HalfB => part(layers.halves)[1],
-            Aov::Rate => part(layers.rates),
-        });
-    }
+    images.extend(aovs.iter().map(|&aov| layers.image(g, kernels, aov)));
     if view.extent != info.extent {
         let origin = [0, 1].map(|axis| view.origin[axis] - info.origin[axis]);
         images.iter_mut().for_each(|image| *image = compose::cut(g, *image, origin, view.extent));
@@ -835,7 +815,7 @@ fn record(
         compose::accumulate(g, *image, mean, sample);
         *image = mean;
     }
-    Recorded { images, vpl_count: layers.vpl_count, regathered: layers.regathered }
+    Recorded { images, vpls: layers.vpls, regathered: layers.regathered }
 }
 
 /// A picture for a screen and its exposure, which glare leaves as it is.
@@ -860,7 +840,7 @@ struct Tickets {
     images: Vec<Ticket<[f32; 4]>>,
     display: Ticket<u8>,
     exposure: Ticket<f32>,
-    vpl_count: Option<Ticket<u32>>,
+    vpls: Option<(Ticket<u32>, VplCounts)>,
     regathered: Option<Ticket<u32>>,
 }
 
@@ -877,7 +857,7 @@ impl Tickets {
             images: recorded.images.iter().map(|&image| g.read_image(image)).collect(),
             display: g.read_image(display),
             exposure: g.read_buffer(exposure),
-            vpl_count: recorded.vpl_count.map(|count| g.read_buffer(count)),
+            vpls: recorded.vpls.map(|vpls| (g.read_buffer(vpls.count), vpls)),
             regathered: recorded.regathered.map(|args| g.read_buffer(args)),
         })
     }
@@ -899,10 +879,16 @@ impl Tickets {
         };
         let beauty = layer(images.next().unwrap_or_default(), 0..3);
         let aovs = aovs.iter().zip(images).map(|(&aov, texels)| {
-            (aov, layer(texels, if aov == Aov::Depth { 3..4 } else { 0..aov.channels() }))
+            (aov, layer(texels, aov.first_channel()..aov.first_channel() + aov.channels()))
         });
         let aovs = aovs.collect();
         let taps = taps.into_iter().map(|(spec, tap)| (spec, tapped(run, tap))).collect();
+        let (vpl_count, path_count, min_distance) = match self.vpls {
+            Some((ticket, vpls)) => {
+                (run.take(ticket).first().copied(), Some(vpls.paths), Some(vpls.min_distance))
+            }
+            None => (None, None, None),
+        };
         Frame {
             beauty,
             denoised: None,
@@ -910,15 +896,15 @@ impl Tickets {
             exposure_ev: run.take(self.exposure).first().copied().unwrap_or_default(),
             aovs,
             taps,
-            vpl_count: self.vpl_count.and_then(|ticket| run.take(ticket).first().copied()),
+            vpl_count,
             regathered: self.regathered.and_then(|ticket| run.take(ticket).last().copied()),
             passes: Vec::new(),
             total_ms: None,
             beside_ms: Vec::new(),
             wall_ms: 0.0,
             rays: 0,
-            path_count: None,
-            min_distance: None,
+            path_count,
+            min_distance,
             samples: None,
             noise: None,
             peak_device_bytes: 0,

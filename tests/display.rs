@@ -2,8 +2,9 @@
 
 mod common;
 
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
 use parhelion::graph::{Executor, Graph, ImageDesc, RunOptions, Typical};
+use parhelion::methods::{igi, path};
 use parhelion::renderer::{self, FrameRequest, Preview, Renderer, RendererOptions};
 use parhelion::scene::builtin;
 use parhelion::techniques::glare::{self, GlareConfig};
@@ -175,7 +176,7 @@ fn glare_is_symmetric_and_falls_with_distance() {
 #[test]
 fn no_glare_is_no_pass() {
     let scene = builtin::by_name("cornell").unwrap();
-    for method in [Method::Igi, Method::Path] {
+    for method in [&igi::METHOD, &path::METHOD] {
         let plain = RenderConfig { method, size: [32, 24], ..RenderConfig::default() };
         let plan = |config: &RenderConfig| renderer::plan(&scene, config, &[], &Typical).unwrap();
         let paths = |config: &RenderConfig| -> Vec<String> {
@@ -202,7 +203,7 @@ fn glare_is_in_what_is_shown_alone() {
     let scene = builtin::by_name("cornell").unwrap();
     let camera = scene.cameras[0].clone();
     let mut renderer = Renderer::new(&device, scene, &RendererOptions::default()).unwrap();
-    for method in [Method::Igi, Method::Path] {
+    for method in [&igi::METHOD, &path::METHOD] {
         let mut config = RenderConfig { method, size: [32, 24], ..RenderConfig::default() };
         (config.vpl_shoot.vpls, config.path_trace.spp) = (9, 3);
         let previews = RefCell::new(Vec::new());
@@ -215,7 +216,7 @@ fn glare_is_in_what_is_shown_alone() {
         let glaring = renderer.render(&config, &camera, &request).unwrap();
         assert!(plain.beauty == glaring.beauty && plain.exposure_ev == glaring.exposure_ev);
         assert!(plain.display != glaring.display);
-        assert_eq!(plain_preview.is_empty(), method == Method::Igi);
+        assert_eq!(plain_preview.is_empty(), method == &igi::METHOD);
         assert!(plain_preview.iter().zip(previews.take()).all(|(plain, glaring)| *plain != glaring));
     }
 }
@@ -289,7 +290,7 @@ mod denoise {
         let scene = builtin::by_name("cornell").unwrap();
         let camera = scene.cameras[0].clone();
         let mut renderer = Renderer::new(&device, scene, &RendererOptions::default()).unwrap();
-        let mut config = RenderConfig { method: Method::Path, size: [48, 48], ..RenderConfig::default() };
+        let mut config = RenderConfig { method: &path::METHOD, size: [48, 48], ..RenderConfig::default() };
         config.tone_map.exposure = Some(0.0);
         let mut picture = |spp, seed, denoiser| {
             (config.path_trace.spp, config.seed) = (spp, seed);

@@ -6,7 +6,8 @@ mod common;
 use common::quad;
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
+use parhelion::methods::{igi, path};
 use parhelion::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{
     AlphaMode, Camera, Clearcoat, Environment, Feature, Image, Instance, Light, LightKind, Material, Mesh,
@@ -166,7 +167,7 @@ fn glossy(size: [u32; 2]) -> RenderConfig {
 }
 
 fn paths(size: [u32; 2], estimator: Estimator) -> RenderConfig {
-    let mut config = RenderConfig { method: Method::Path, size, seed: 3, ..RenderConfig::default() };
+    let mut config = RenderConfig { method: &path::METHOD, size, seed: 3, ..RenderConfig::default() };
     (config.path_trace.spp, config.path_trace.estimator) = (4, estimator);
     config
 }
@@ -187,9 +188,9 @@ fn draw(
     camera: &Camera,
     modelled: &[Feature],
 ) -> Vec<Vec<f32>> {
-    let aovs: &[Aov] = match config.method {
-        Method::Igi => &[Aov::Albedo, Aov::N, Aov::Direct, Aov::Indirect, Aov::Specular, Aov::Glossy],
-        Method::Path => &[Aov::Albedo, Aov::N],
+    let aovs: &[Aov] = match config.method.name {
+        "igi" => &[Aov::Albedo, Aov::N, Aov::Direct, Aov::Indirect, Aov::Specular, Aov::Glossy],
+        _ => &[Aov::Albedo, Aov::N],
     };
     let request = FrameRequest { aovs, modelled, ..FrameRequest::default() };
     let frame = renderer.render(config, camera, &request).unwrap();

@@ -8,8 +8,9 @@ use common::{assert_close, mean};
 use common::quad;
 
 use glam::{Affine3A, Vec3, Vec4};
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
 use parhelion::graph::Typical;
+use parhelion::methods::path;
 use parhelion::metrics;
 use parhelion::renderer::{self, Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{
@@ -115,7 +116,7 @@ fn shooting(size: u32, paths: u32, bounces: u32, min_distance: f32) -> RenderCon
 
 /// The path tracer at the positions that `igi` takes.
 fn reference(size: u32, spp: u32, max_depth: u32, transport: Transport) -> RenderConfig {
-    let mut config = RenderConfig { method: Method::Path, seed: 1000, ..config(size, size) };
+    let mut config = RenderConfig { method: &path::METHOD, seed: 1000, ..config(size, size) };
     config.path_trace.spp = spp;
     config.path_trace.max_depth = Some(max_depth);
     config.path_trace.transport = transport;

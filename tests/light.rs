@@ -9,8 +9,9 @@ use common::quad;
 
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use parhelion::accel::Geometry;
-use parhelion::config::{Method, RenderConfig};
+use parhelion::config::RenderConfig;
 use parhelion::graph::{Graph, ImageDesc};
+use parhelion::methods::path;
 use parhelion::metrics;
 use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::sampling::halton;
@@ -745,7 +746,7 @@ fn compensation_equals_path_tracing() {
         config.vpl_shoot.bounces = bounces;
         config.vpl_shoot.vpls = 2048 * bounces;
         config.indirect.min_distance = Some(0.3);
-        let mut path = RenderConfig { method: Method::Path, seed: 99, ..config.clone() };
+        let mut path = RenderConfig { method: &path::METHOD, seed: 99, ..config.clone() };
         path.path_trace.spp = 2048;
         path.path_trace.transport = Transport::DiffuseIndirect;
         path.path_trace.pixel_filter = PixelFilter::Center;

@@ -3,15 +3,15 @@
 
 use super::answer::error_of;
 use super::data::{Chart, Point};
-use super::grid::{self, leaves};
+use super::grid;
 use super::reference::{self, ReferenceRequest};
 use super::sweep::Noise;
-use crate::config::{ConfigError, Method, RenderConfig};
+use crate::config::{ConfigError, RenderConfig};
+use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
 use crate::output;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::Camera;
-use crate::techniques::path_trace::PixelFilter;
 use crate::vk::{self, DeviceKind};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -86,8 +86,8 @@ pub fn choose(candidates: &[Candidate], wish: Wish) -> Option<Choice<'_>> {
 }
 
 impl Front {
-    /// The points of a chart with their errors as [`error_of`] has them, their times in proportion to the pixels of `size`, and path tracing with more
-    /// samples than were charted.
+    /// The points of a chart with their errors as [`error_of`] has them, their times in proportion to the pixels of `size`, and progressive methods
+    /// with more samples than were charted.
     #[must_use]
     pub fn of_chart(chart: &Chart, size: [u32; 2]) -> Self {
         let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
@@ -108,29 +108,38 @@ impl Front {
             chart.points.len(),
             chart.device
         );
-        Self { about, candidates }.with_longer_paths()
+        Self { about, candidates }.with_more_samples()
     }
 
-    /// Adds path tracing with more samples than there is, a fifth more each: its time grows in proportion, its error
-    /// falls so.
-    fn with_longer_paths(mut self) -> Self {
-        const SPP: &str = "path_trace.spp";
-        let spp = |candidate: &Candidate| candidate.settings.get(SPP).and_then(Value::as_u64);
+    /// Adds progressive methods with more samples than there is, a fifth more each: their time grows in proportion, their
+    /// error falls so.
+    fn with_more_samples(mut self) -> Self {
+        for method in REGISTRY {
+            if let Some(progressive) = &method.progressive {
+                self.candidates.extend(self.more_samples(method.name, progressive.key));
+            }
+        }
+        self
+    }
+
+    fn more_samples(&self, method: &str, key: &str) -> Vec<Candidate> {
+        let samples = |candidate: &Candidate| candidate.settings.get(key).and_then(Value::as_u64);
         let same = |a: &Candidate, b: &Candidate| {
             let rest = |candidate: &Candidate| {
                 let mut settings = candidate.settings.clone();
-                settings.remove(SPP);
+                settings.remove(key);
                 settings
             };
             rest(a) == rest(b)
         };
         let most = |candidate: &&Candidate| {
-            let longer = |other: &Candidate| same(candidate, other) && spp(other) > spp(candidate);
-            spp(candidate).is_some() && !self.candidates.iter().any(longer)
+            let longer = |other: &Candidate| same(candidate, other) && samples(other) > samples(candidate);
+            samples(candidate).is_some() && !self.candidates.iter().any(longer)
         };
-        let longest: Vec<Candidate> = self.candidates.iter().filter(most).cloned().collect();
-        for path in longest {
-            let first = spp(&path).unwrap_or(1);
+        let name = key.rsplit('.').next().unwrap_or(key);
+        let mut more = Vec::new();
+        for least in self.candidates.iter().filter(most) {
+            let first = samples(least).unwrap_or(1);
             let longer = (1..=64)
                 .map(|quarter| (first as f64 * 2.0_f64.powf(f64::from(quarter) / 4.0)).round() as u64);
             let mut last = first;
@@ -138,18 +147,18 @@ impl Front {
                 if std::mem::replace(&mut last, samples) == samples {
                     continue;
                 }
-                let mut settings = path.settings.clone();
-                settings.insert(SPP.into(), samples.into());
+                let mut settings = least.settings.clone();
+                settings.insert(key.into(), samples.into());
                 let factor = samples as f64 / first as f64;
-                self.candidates.push(Candidate {
-                    label: format!("path spp={samples}"),
+                more.push(Candidate {
+                    label: format!("{method} {name}={samples}"),
                     settings,
-                    ms: path.ms * factor,
-                    rel_mse: path.rel_mse / factor,
+                    ms: least.ms * factor,
+                    rel_mse: least.rel_mse / factor,
                 });
             }
         }
-        self
+        more
     }
 
     /// The front that a chart or probe left behind for this scene, camera, size, device and backend.
@@ -196,22 +205,6 @@ const REFERENCE: u32 = 128;
 /// … and elsewhere time for them: errors near its noise cannot be told apart.
 const REFERENCE_TIME: Duration = Duration::from_secs(10);
 
-/// Settings that a probe tries beside the small grid where time is not short.
-const FINER: &str = "
-    [[sweep]]
-    preset = 'fast'
-    vpl_shoot.vpls = [1440, 2880, 5760]
-    vpl_shoot.bounces = [3, 8]
-    [[sweep]]
-    preset = 'fast'
-    vpl_shoot.vpls = 1440
-    vpl_shoot.bounces = 8
-    indirect.downsample = [1, 2]
-";
-
-/// Samples a pixel of its path tracing, which predicts all others.
-const SPP: u32 = 4;
-
 /// Predicts a front by small renders. On a CPU, where time is short, of an eighth and a quarter of the picture's width and
 /// height: times follow by the line through both, errors are taken as they are. Elsewhere of the picture's own size, since
 /// a GPU is not busy with less, and of more settings.
@@ -224,25 +217,8 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
     let sizes = if cpu { vec![part(8), part(4)] } else { vec![probe.size] };
     let largest = sizes[sizes.len() - 1];
     let base = base(probe.size);
-    let bad_grid = |problem: String| ConfigError::Value { key: "grid".into(), problem };
-    let mut settings = grid::settings("small", &base).map_err(|error| bad_grid(error.to_string()))?;
-    if !cpu {
-        settings.extend(grid::parse(FINER, &base).map_err(bad_grid)?);
-    }
-    settings.retain(|setting| setting.config.method != Method::Path);
-    let mut path = RenderConfig { method: Method::Path, ..base };
-    path.path_trace.spp = SPP;
-    let known = leaves(&RenderConfig::default());
-    let keys = leaves(&path).into_iter().filter(|(key, value)| known.get(key) != Some(value));
-    let keys: BTreeMap<_, _> = keys.chain([("path_trace.spp".into(), SPP.into())]).collect();
-    settings.push(grid::Setting {
-        id: "path".into(),
-        label: format!("path spp={SPP}"),
-        config: path,
-        settings: keys,
-        general: false,
-    });
-
+    let settings =
+        probed(&base, !cpu).map_err(|problem| ConfigError::Value { key: "grid".into(), problem })?;
     let steps = 1 + settings.len();
     let report = |step: usize, progress: Progress<'_>| {
         if let Some(report) = probe.progress {
@@ -296,14 +272,25 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
     let words: Vec<_> = sizes.iter().map(|[width, height]| format!("{width}x{height}")).collect();
     let line = if cpu { ", times by the line through both" } else { "" };
     let about = format!("a probe at {}{line}", words.join(" and "));
-    Ok(Front { about, candidates }.with_longer_paths())
+    Ok(Front { about, candidates }.with_more_samples())
+}
+
+/// What a probe tries of every method.
+fn probed(base: &RenderConfig, finer: bool) -> Result<Vec<grid::Setting>, String> {
+    let mut settings = Vec::new();
+    for Sweeps { probe, finer: beside, .. } in REGISTRY.iter().map(|method| &method.sweeps) {
+        let texts = [*probe, if finer { beside } else { "" }];
+        for text in texts.into_iter().filter(|text| !text.is_empty()) {
+            settings.extend(grid::parse(text, base)?);
+        }
+    }
+    Ok(settings)
 }
 
 /// What a chart begins with too: pixels' centres, and all light there is.
 fn base(size: [u32; 2]) -> RenderConfig {
     let mut base = RenderConfig { size, ..RenderConfig::default() };
-    base.path_trace.pixel_filter = PixelFilter::Center;
-    base.path_trace.max_depth = Some(reference::DEPTH);
+    methods::comparable(&mut base, Some(reference::DEPTH));
     base
 }
 
@@ -405,11 +392,17 @@ mod tests {
 
     /// No test machine has a GPU's time.
     #[test]
-    fn finer_settings_are_others_than_the_small_grids() {
+    fn finer_settings_are_others_than_those_of_every_probe() {
         let base = base([64, 48]);
-        let small = grid::settings("small", &base).unwrap();
-        let finer = grid::parse(FINER, &base).unwrap();
-        assert!(finer.iter().all(|a| small.iter().all(|b| a.config != b.config)) && finer.len() == 8);
+        let coarse = probed(&base, false).unwrap();
+        let mut all = probed(&base, true).unwrap();
+        all.retain(|setting| coarse.iter().all(|other| other.config != setting.config));
+        assert_eq!(all.len(), probed(&base, true).unwrap().len() - coarse.len());
+        for method in REGISTRY {
+            assert!(coarse.iter().any(|setting| setting.config.method == *method), "{}", method.name);
+        }
+        let finer = |method: &str| all.iter().filter(|setting| setting.config.method.name == method).count();
+        assert_eq!((finer("igi"), finer("path")), (8, 0));
     }
 
     #[test]

@@ -19,6 +19,7 @@
 //! ```
 
 use crate::config::{ConfigError, RenderConfig};
+use crate::methods::{REGISTRY, Sweeps};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -31,79 +32,42 @@ pub struct Grid {
     pub name: &'static str,
     /// One line for help texts.
     pub about: &'static str,
-    /// Its text, as in a file.
-    pub text: &'static str,
+    /// What stands before its tables.
+    head: &'static str,
+    /// A method's tables.
+    tables: fn(&Sweeps) -> &'static str,
 }
 
-/// The grids there are.
+/// The grids there are; the tables are the methods' ([`Sweeps`]).
 pub const GRIDS: &[Grid] = &[
     Grid {
         name: "small",
         about: "each method from coarse to fine, in minutes on a CPU",
-        text: "
-            [[sweep]]
-            preset = 'fast'
-            vpl_shoot.vpls = [60, 180, 720]
-            vpl_shoot.bounces = [3, 8]
-            [[sweep]]
-            preset = ['paper-canonical', 'paper-interleaved']
-            [[sweep]]
-            preset = 'fast'
-            indirect.downsample = [1, 2]
-            [[sweep]]
-            method = 'path'
-            path_trace.spp = [1, 4, 16]
-        ",
+        head: "",
+        tables: |sweeps| sweeps.small,
     },
     Grid {
         name: "paper",
         about: "the paper's approaches and ours at its numbers of VPLs",
-        text: "
-            [[sweep]]
-            preset = ['paper-canonical', 'paper-imperfect', 'paper-downsampled', 'paper-interleaved', 'fast']
-            vpl_shoot.vpls = [30, 90, 180]
-        ",
+        head: "",
+        tables: |sweeps| sweeps.paper,
     },
     Grid {
         name: "full",
         about: "everything there is, for a GPU, also by a pipeline that is not specialised to the scene",
-        text: "
-            general = true
-            [[sweep]]
-            preset = 'fast'
-            vpl_shoot.vpls = [30, 90, 180, 720, 1440, 2880]
-            vpl_shoot.bounces = [1, 3, 8]
-            [[sweep]]
-            preset = 'fast'
-            indirect.downsample = [1, 2, 4]
-            indirect.interleave = [1, 2, 3]
-            vpl_shoot.vpls = [180, 1440]
-            vpl_shoot.bounces = 8
-            [[sweep]]
-            preset = ['paper-canonical', 'paper-imperfect', 'paper-downsampled', 'paper-interleaved']
-            vpl_shoot.vpls = [30, 180, 720]
-            [[sweep]]
-            preset = 'fast'
-            indirect.visibility = ['boxes', 'boxes-plane']
-            vpl_shoot.vpls = [180, 720]
-            [[sweep]]
-            preset = 'fast'
-            indirect.min_distance = 0
-            vpl_shoot.vpls = [180, 720]
-            [[sweep]]
-            preset = 'fast'
-            indirect.pattern = 'irregular'
-            vpl_shoot.vpls = [180, 720]
-            [[sweep]]
-            method = 'path'
-            path_trace.spp = [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]
-            [[sweep]]
-            method = 'path'
-            path_trace.estimator = 'naive'
-            path_trace.spp = [16, 256]
-        ",
+        head: "general = true\n",
+        tables: |sweeps| sweeps.full,
     },
 ];
+
+impl Grid {
+    /// Its text, as in a file.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let tables = REGISTRY.iter().map(|method| (self.tables)(&method.sweeps));
+        std::iter::once(self.head).chain(tables).collect()
+    }
+}
 
 /// One way to render what all of them render.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,7 +104,7 @@ const COMMON: [&str; 4] = ["size", "seed", "crop", "tone_map"];
 pub fn settings(grid: &str, base: &RenderConfig) -> Result<Vec<Setting>, GridError> {
     let fail = |problem: String| GridError { grid: grid.into(), problem };
     match GRIDS.iter().find(|there| there.name == grid) {
-        Some(grid) => parse(grid.text, base).map_err(fail),
+        Some(grid) => parse(&grid.text(), base).map_err(fail),
         None if Path::new(grid).extension().is_none() => {
             let names: Vec<_> = GRIDS.iter().map(|grid| grid.name).collect();
             Err(fail(format!("no such grid; there are {}, and files (.toml)", names.join(", "))))
@@ -240,7 +204,7 @@ fn setting(
     }
     config.validate()?;
     if words.iter().all(|(key, _)| key != "method") {
-        label.push_str(config.method.name());
+        label.push_str(config.method.name);
     }
     for (key, value) in words {
         let name = key.rsplit('.').next().unwrap_or_default();

@@ -1,7 +1,8 @@
 //! What errors are measured against: two path traced pictures of seeds that nothing else uses. Their mean is the
 //! reference, a quarter of the squared difference between them its own noise.
 
-use crate::config::{Method, RenderConfig};
+use crate::config::RenderConfig;
+use crate::methods;
 use crate::output::{self, Attribute, Channels, Picture, read_exr, write_exr};
 use crate::renderer::{self, FrameRequest, Layer, Progress, Renderer};
 use crate::scene::Camera;
@@ -223,7 +224,7 @@ pub(super) fn render(
     let mut spp = request.spp.unwrap_or(SAMPLES).div_ceil(2).max(1);
     let mut half = |index: usize, time: Option<Duration>, spp: u32| {
         let config = RenderConfig {
-            method: Method::Path,
+            method: methods::REFERENCE,
             size: request.size,
             seed: SEEDS[index],
             path_trace: PathTraceConfig {

@@ -6,7 +6,7 @@ use super::data::{self, Chart, Failure, MetricInfo, PassTime, Point, Spread};
 use super::grid::Setting;
 use super::journal::{Entry, Header, Journal};
 use super::{Reference, picture, report, table};
-use crate::config::{Method, RenderConfig};
+use crate::config::RenderConfig;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, Channels, Picture, magma};
 use crate::page;
@@ -131,7 +131,9 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
             }
             let [width, height] = setting.config.size;
             let mut config = RenderConfig { size: [width.min(64), height.min(48)], ..setting.config.clone() };
-            config.path_trace.spp = 1;
+            if let Some(progressive) = &config.method.progressive {
+                (progressive.set_samples)(&mut config, 1);
+            }
             let general = setting.general.then(|| renderer.unneeded(&config));
             let beside: Vec<&[Feature]> = general.as_deref().into_iter().collect();
             let request = FrameRequest { beside: &beside, cancel: sweep.cancel, ..FrameRequest::default() };
@@ -378,7 +380,7 @@ fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> 
     };
     Some(Point {
         id: setting.id.clone(),
-        method: setting.config.method.name().into(),
+        method: setting.config.method.name.into(),
         label: setting.label.clone(),
         settings: setting.settings.clone(),
         seeds: entries.len() as u32,
@@ -496,11 +498,7 @@ impl<'a> Steps<'a> {
 
 /// Rays a pixel, roughly.
 fn cost(Setting { config, general, .. }: &Setting) -> f64 {
-    let side = f64::from(config.indirect.downsample * config.indirect.interleave);
-    let rays = match config.method {
-        Method::Path => 10.0 * f64::from(config.path_trace.spp),
-        Method::Igi => 5.0 + f64::from(config.vpl_shoot.vpls) / (side * side),
-    };
+    let rays = (config.method.cost)(config);
     if *general { 2.0 * rays } else { rays }
 }
 

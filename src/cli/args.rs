@@ -2,7 +2,8 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
-use parhelion::config::{Method, PRESETS, Preset};
+use parhelion::config::{PRESETS, Preset};
+use parhelion::methods::REGISTRY;
 use parhelion::renderer::{Aov, BackendChoice};
 use parhelion::stress;
 use parhelion::techniques::indirect::Visibility;
@@ -416,7 +417,7 @@ pub(super) enum ProgressWord {
 }
 
 fn methods() -> PossibleValuesParser {
-    PossibleValuesParser::new(Method::ALL.iter().map(|method| method.name()))
+    PossibleValuesParser::new(REGISTRY.iter().map(|method| method.name))
 }
 
 fn stress_scenes() -> PossibleValuesParser {
@@ -476,7 +477,7 @@ fn exposure(text: &str) -> Result<String, String> {
 }
 
 fn aov(text: &str) -> Result<Aov, String> {
-    let found = Aov::ALL.into_iter().find(|aov| aov.name() == text);
+    let found = Aov::ALL.iter().copied().find(|aov| aov.name() == text);
     found.ok_or_else(|| {
         let names: Vec<_> = Aov::ALL.iter().map(|aov| aov.name()).collect();
         format!("there are {}", names.join(", "))
@@ -534,7 +535,7 @@ mod tests {
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         let [width, height] = config.size;
         let graph = command.find_subcommand_mut("graph").unwrap().render_long_help().to_string();
-        assert!(graph.contains(&format!("[default: {}]", config.method.name())), "{graph}");
+        assert!(graph.contains(&format!("[default: {}]", config.method.name)), "{graph}");
         let stress = command.find_subcommand_mut("stress").unwrap().render_long_help().to_string();
         let [columns, rows] = stress::SIZE;
         assert!(
@@ -543,7 +544,7 @@ mod tests {
         );
         for (option, default) in [
             ("--size", format!("{width}x{height}")),
-            ("--method", config.method.name().into()),
+            ("--method", config.method.name.to_owned()),
             ("--vpls", config.vpl_shoot.vpls.to_string()),
             ("--bounces", config.vpl_shoot.bounces.to_string()),
             ("--visibility", config.indirect.visibility.name().into()),

@@ -7,9 +7,9 @@ use parhelion::chart::choose::Front;
 use parhelion::chart::sweep::{self, FILES};
 use parhelion::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
 use parhelion::config::{ConfigError, RenderConfig};
+use parhelion::methods;
 use parhelion::output;
 use parhelion::renderer::{self, Renderer, RendererOptions};
-use parhelion::techniques::path_trace::PixelFilter;
 use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
@@ -102,8 +102,7 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
 /// Paths begin at pixels' centres, as the other methods' do, and are as long as the reference's.
 fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
     let mut base = super::base(&args.common)?;
-    base.path_trace.pixel_filter = PixelFilter::Center;
-    base.path_trace.max_depth = Some(depth);
+    methods::comparable(&mut base, Some(depth));
     base.validate().map_err(|error| match error {
         ConfigError::Value { problem, .. } => input!("--reference-depth: {problem}"),
         error => error.into(),

@@ -35,7 +35,10 @@ pub(super) fn measure(
     progress: &dyn Fn(Progress<'_>),
 ) -> Result<Economy, Error> {
     let mut config = config.clone();
-    config.path_trace.spp = config.path_trace.spp.min(SAMPLES);
+    if let Some(progressive) = config.method.progressive {
+        let samples = (progressive.samples)(&config).min(SAMPLES);
+        (progressive.set_samples)(&mut config, samples);
+    }
     let cpu = renderer.device().info().kind == DeviceKind::Cpu;
     let repeat = repeat.unwrap_or(if cpu { 1 } else { REPEAT });
     let unneeded = renderer.unneeded(&config);

@@ -9,7 +9,6 @@ use super::{Failure, choose, economy, extension, input, interrupt, print, scene}
 use glam::Vec3;
 use parhelion::config::RenderConfig;
 use parhelion::denoise::Denoiser;
-use parhelion::methods;
 use parhelion::output::{self, Attribute, Channels, Picture};
 use parhelion::renderer::{
     self, Aov, Frame, FrameRequest, Layer, Preview, Renderer, RendererOptions, Resume,
@@ -26,9 +25,8 @@ use std::time::Duration;
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let mut config = settings(args)?;
     let wish = choose::wish(args)?;
-    let method = methods::named(config.method.name());
     if wish.is_none() {
-        method.check(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
+        config.method.check_layers(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
     }
     let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
@@ -51,14 +49,12 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         Some(wish) => {
             let chosen = choose::chosen(args, wish, &config, &mut renderer, &camera, &reporter)?;
             config = chosen.config.clone();
-            methods::named(config.method.name())
-                .check(&config, &args.aov)
-                .map_err(|error| input!("--aov: {error}"))?;
+            config.method.check_layers(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
             Some(chosen)
         }
         None => None,
     };
-    let left_out = (methods::named(config.method.name()).left_out)(&profile, &config);
+    let left_out = (config.method.left_out)(&profile, &config);
     left_out.iter().for_each(|line| reporter.note(line));
 
     let origin = Origin::of(&renderer, &camera);
@@ -150,8 +146,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         return Err(error.into());
     }
     // A progressive picture that was cut short is written, and is no success.
-    let cut =
-        interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < config.path_trace.spp);
+    let target = config.method.progressive.map_or(0, |progressive| (progressive.samples)(&config));
+    let cut = interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < target);
     if cut { Err(renderer::Error::Cancelled.into()) } else { Ok(()) }
 }
 
@@ -232,7 +228,7 @@ impl Origin {
 fn sampling(config: &RenderConfig) -> String {
     let path_trace =
         PathTraceConfig { spp: 0, max_depth: Some(config.max_depth()), ..config.path_trace.clone() };
-    let (method, energy_conserving) = (config.method, config.energy_conserving);
+    let (method, energy_conserving) = (config.method.name, config.energy_conserving);
     serde_json::json!({ "method": method, "path_trace": path_trace, "energy_conserving": energy_conserving })
         .to_string()
 }
@@ -356,7 +352,7 @@ fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, fr
         profile.triangles,
         if lights == 1 { "" } else { "s" },
     );
-    let _ = write!(text, "method: {}, {}", config.method.name(), extent(config));
+    let _ = write!(text, "method: {}, {}", config.method.name, extent(config));
     if let (Some(vpls), Some(paths), Some(distance)) = (frame.vpl_count, frame.path_count, frame.min_distance)
     {
         let _ = write!(text, ", {vpls} VPLs of {paths} paths, min distance {distance:.3} m");
@@ -411,17 +407,11 @@ fn exposure(config: &RenderConfig, frame: &Frame) -> String {
 fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Picture<'a> {
     let mut channels = vec![channels(&["R", "G", "B"].map(String::from), &frame.beauty)];
     for (aov, layer) in &frame.aovs {
-        let suffixes: &[&str] = match aov {
-            Aov::Depth => &["Z"],
-            Aov::N | Aov::P => &["X", "Y", "Z"],
-            Aov::Rate => &["now", "variance", "taken"],
-            _ => &["R", "G", "B"],
-        };
         let name = |suffix: &&str| match aov {
             Aov::Depth => (*suffix).to_owned(),
             _ => format!("{}.{suffix}", aov.name()),
         };
-        channels.push(self::channels(&suffixes.iter().map(name).collect::<Vec<_>>(), layer));
+        channels.push(self::channels(&aov.channel_names().iter().map(name).collect::<Vec<_>>(), layer));
     }
     if let Some(denoised) = &frame.denoised {
         channels.push(self::channels(&["noisy.R", "noisy.G", "noisy.B"].map(String::from), &denoised.noisy));
@@ -433,7 +423,7 @@ fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         ("parhelion:version", text(&env!("CARGO_PKG_VERSION"))),
         ("parhelion:scene", text(&origin.scene)),
         ("parhelion:scene_hash", text(&origin.scene_hash)),
-        ("parhelion:method", text(&config.method.name())),
+        ("parhelion:method", text(&config.method.name)),
         ("parhelion:settings", json(serde_json::to_string(config))),
         ("parhelion:seed", number(config.seed.into())),
         ("parhelion:device", text(&origin.device)),

@@ -2,7 +2,8 @@
 
 use super::args::{Render, Settings};
 use super::{Failure, input};
-use parhelion::config::{ConfigError, MAX_SPP, Method, RenderConfig};
+use parhelion::config::{ConfigError, MAX_SPP, RenderConfig};
+use parhelion::methods::{Method, igi, path};
 
 /// What an option sets: its word, its key and, where it is given, its value.
 pub(super) type Assignment = (&'static str, &'static str, Option<String>);
@@ -97,11 +98,11 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--glare", "glare.strength", args.glare.map(|strength| format!("{strength:?}"))),
     ];
     args.settings.apply(&mut config, &options)?;
-    let of = |method: Method| move |option| (option, method);
+    let of = |method: &'static Method| move |option| (option, method);
     let groups = options.iter().filter(|(.., value)| value.is_some()).filter_map(|(option, key, _)| {
         let method = match key.split('.').next() {
-            Some("path_trace") => Method::Path,
-            Some("whitted" | "indirect") => Method::Igi,
+            Some("path_trace") => &path::METHOD,
+            Some("whitted" | "indirect") => &igi::METHOD,
             _ => return None,
         };
         Some((*option, method))
@@ -113,14 +114,15 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--resume", args.resume.is_some()),
     ];
     let path_only = path_only.into_iter().filter_map(|(option, given)| given.then_some(option));
-    for (option, method) in
-        groups.chain(args.vpls.map(|_| "--vpls").map(of(Method::Igi))).chain(path_only.map(of(Method::Path)))
+    for (option, method) in groups
+        .chain(args.vpls.map(|_| "--vpls").map(of(&igi::METHOD)))
+        .chain(path_only.map(of(&path::METHOD)))
     {
         if method != config.method {
             return Err(input!(
                 "{option}: method {} has no use for it, {} has",
-                config.method.name(),
-                method.name()
+                config.method.name,
+                method.name
             ));
         }
     }

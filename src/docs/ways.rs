@@ -1,8 +1,9 @@
 //! The named ways to render, and which measurements are theirs.
 
 use crate::chart::grid::leaves;
-use crate::config::{self, ConfigError, PRESETS, Preset, RenderConfig};
-use crate::methods::{self, Method};
+use crate::chart::reference;
+use crate::config::{ConfigError, PRESETS, Preset, RenderConfig};
+use crate::methods::{self, Method, REGISTRY};
 use crate::stress::data::Row;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -27,14 +28,13 @@ impl Way {
     /// All there are, presets behind their method.
     pub(super) fn all() -> Vec<Self> {
         let mut ways = Vec::new();
-        for &word in config::Method::ALL {
-            let method = methods::named(word.name());
-            let plain = RenderConfig { method: word, ..RenderConfig::default() };
+        for &method in REGISTRY {
+            let plain = RenderConfig { method, ..RenderConfig::default() };
             ways.push(Self { method, preset: None, config: plain });
             for preset in PRESETS {
                 let mut config = RenderConfig::default();
                 config.apply_preset(preset.name).expect("a preset sets keys that there are");
-                if config.method == word {
+                if config.method == method {
                     ways.push(Self { method, preset: Some(preset), config });
                 }
             }
@@ -56,10 +56,12 @@ impl Way {
 
     /// Whether `config`, a chart's, is this way: charts choose where paths begin and how long they are.
     pub(super) fn is(&self, config: &RenderConfig) -> bool {
-        let mut own = self.config.clone();
-        own.path_trace.pixel_filter = config.path_trace.pixel_filter;
-        own.path_trace.max_depth = config.path_trace.max_depth;
-        own == *config
+        let [own, charted] = [&self.config, config].map(|config| {
+            let mut config = config.clone();
+            methods::comparable(&mut config, Some(reference::DEPTH));
+            config
+        });
+        own == charted
     }
 
     /// What was tried of it.
@@ -104,7 +106,6 @@ fn values(config: &RenderConfig) -> BTreeMap<String, Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::REGISTRY;
     use crate::stress::data::Verdict;
     use std::collections::BTreeSet;
 

@@ -1,14 +1,15 @@
 //! Instant global illumination, with the paper's accelerations as switches. What it is, and its known bias and noise:
 //! [`METHOD`]'s description.
 
-use super::{Aov, FrameInfo, Layers, Method};
-use crate::config::RenderConfig;
+use super::config::RenderConfig;
+use super::trial::{Trial, fails, holds};
+use super::{Aov, FrameInfo, Layers, Method, Reach, Sweeps, VplCounts};
 use crate::graph::Graph;
-use crate::scene::SceneProfile;
+use crate::scene::{Feature, SceneProfile};
 use crate::techniques::{Kernels, compose, gbuffer, indirect, vpl_shoot, whitted};
 
 /// The registry's entry.
-pub const METHOD: Method = Method {
+pub static METHOD: Method = Method {
     name: "igi",
     about: "instant global illumination with virtual point lights",
     description: "Paths from the lights leave virtual point lights (VPLs) where they meet diffuse surfaces; every pixel \
@@ -28,10 +29,152 @@ pub const METHOD: Method = Method {
         Aov::Irradiance,
         Aov::Depth,
     ],
-    progressive: false,
+    conditional: &[],
+    own: None,
+    check: |_| Ok(()),
+    progressive: None,
+    kernels: |kernels, config| kernels.with_indirect(&config.indirect),
+    // Only paths end at what they find.
+    costless: &[Feature::Unlit],
+    reach: |config| Reach { pixels: config.indirect.reach(), cell: config.indirect.downsample },
+    cost: |config| {
+        let side = f64::from(config.indirect.downsample * config.indirect.interleave);
+        5.0 + f64::from(config.vpl_shoot.vpls) / (side * side)
+    },
+    comparable: |_, _| (),
+    sweeps: Sweeps { small: SMALL, paper: PAPER, full: FULL, probe: SMALL, finer: FINER },
+    diffuse_indirect: |_| Some(Aov::Indirect),
+    trials: TRIALS,
     record,
     left_out,
 };
+
+const SMALL: &str = "
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = [60, 180, 720]
+    vpl_shoot.bounces = [3, 8]
+    [[sweep]]
+    preset = ['paper-canonical', 'paper-interleaved']
+    [[sweep]]
+    preset = 'fast'
+    indirect.downsample = [1, 2]
+";
+
+const PAPER: &str = "
+    [[sweep]]
+    preset = ['paper-canonical', 'paper-imperfect', 'paper-downsampled', 'paper-interleaved', 'fast']
+    vpl_shoot.vpls = [30, 90, 180]
+";
+
+const FULL: &str = "
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = [30, 90, 180, 720, 1440, 2880]
+    vpl_shoot.bounces = [1, 3, 8]
+    [[sweep]]
+    preset = 'fast'
+    indirect.downsample = [1, 2, 4]
+    indirect.interleave = [1, 2, 3]
+    vpl_shoot.vpls = [180, 1440]
+    vpl_shoot.bounces = 8
+    [[sweep]]
+    preset = ['paper-canonical', 'paper-imperfect', 'paper-downsampled', 'paper-interleaved']
+    vpl_shoot.vpls = [30, 180, 720]
+    [[sweep]]
+    preset = 'fast'
+    indirect.visibility = ['boxes', 'boxes-plane']
+    vpl_shoot.vpls = [180, 720]
+    [[sweep]]
+    preset = 'fast'
+    indirect.min_distance = 0
+    vpl_shoot.vpls = [180, 720]
+    [[sweep]]
+    preset = 'fast'
+    indirect.pattern = 'irregular'
+    vpl_shoot.vpls = [180, 720]
+";
+
+const FINER: &str = "
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = [1440, 2880, 5760]
+    vpl_shoot.bounces = [3, 8]
+    [[sweep]]
+    preset = 'fast'
+    vpl_shoot.vpls = 1440
+    vpl_shoot.bounces = 8
+    indirect.downsample = [1, 2]
+";
+
+/// What it is tried with under stress.
+const TRIALS: &[Trial] = &[
+    holds("crease", &[]),
+    fails("crease", &["indirect.min_distance=0"], "without a least distance the spots stay"),
+    fails("clamp", &[], "m = ½·√(A/N) is 18 cm here, which would take 8 % of walls lit evenly"),
+    holds("clamp", &["vpl_shoot.vpls=4096"]),
+    holds("clamp", &["indirect.compensation=4"]),
+    fails("glossy", &[], "180 virtual lights are too few for a lobe"),
+    fails("glossy", &["indirect.glossy=false"], "the lobe's light is missing"),
+    fails("caustic-point", &[], "shadow rays stop at glass, and virtual lights light others only"),
+    fails("caustic-lamp", &[], "shadow rays stop at glass, and virtual lights light others only"),
+    holds("no-light", &[]),
+    holds("no-light", &["indirect.downsample=4", "indirect.interleave=3"]),
+    holds("no-light", &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"]),
+    fails("halton", &["seed=0"], "plain Halton points"),
+    fails(
+        "halton",
+        &["seed=0", "vpl_shoot.vpls=2048"],
+        "in bases beyond a hundred 128 paths are still one line",
+    ),
+    holds("halton", &["seed=1", "vpl_shoot.vpls=2048"]),
+    holds("blinds", &[]),
+    fails("blinds", &["indirect.visibility=boxes"], "boxes of slats close the gaps"),
+    holds("blinds", &["indirect.visibility=boxes-plane"]),
+    holds("turned", &[]),
+    fails("turned", &["indirect.visibility=boxes"], "a fifth is lost to the walls' boxes"),
+    holds("turned", &["indirect.visibility=boxes-plane"]),
+    holds("thin-wall", &[]),
+    holds("thin-wall", &["indirect.visibility=boxes"]),
+    holds("thin-wall", &["indirect.visibility=boxes-plane"]),
+    fails("thin-wall", &["indirect.downsample=4"], "samples of the floor beyond the wall fit"),
+    fails(
+        "thin-wall",
+        &["indirect.downsample=4", "indirect.upsample=plane"],
+        "floors of both rooms are one plane",
+    ),
+    fails("thin-wall", &["indirect.interleave=3"], "the discontinuity buffer sees no wall edge on"),
+    fails(
+        "thin-wall",
+        &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"],
+        "floors of both rooms are one plane",
+    ),
+    fails("ajar", &[], "few virtual lights see the room"),
+    holds("wires", &[]),
+    fails("wires", &["indirect.downsample=4"], "no sample fits posts"),
+    fails(
+        "wires",
+        &["indirect.downsample=4", "indirect.upsample=plane"],
+        "posts get light of their own, but shadows between samples stay unseen",
+    ),
+    holds("bumpy", &[]),
+    fails("bumpy", &["indirect.interleave=3"], "neighbours count whole or not at all, and few do"),
+    holds("bumpy", &["indirect.interleave=3", "indirect.filter=combined"]),
+    fails("popping", &[], "virtual lights jump"),
+    holds("popping", &["vpl_shoot.vpls=2048"]),
+    holds("switched-off", &[]),
+    holds("switched-off", &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"]),
+    holds("crawling", &[]),
+    fails("crawling", &["indirect.downsample=4"], "posts change with the samples that hit them"),
+    fails("crawling", &["indirect.downsample=4", "indirect.interleave=3"], "and with their subsets"),
+    holds("small", &[]),
+    holds("small", &["indirect.visibility=boxes"]),
+    holds("large", &[]),
+    holds("large", &["indirect.visibility=boxes"]),
+    fails("far", &[], "hits and virtual lights are 8 mm off"),
+    fails("duplicated", &[], "the default min_distance follows the area, which is twice the room's"),
+    holds("duplicated", &["indirect.min_distance=0.1"]),
+];
 
 fn left_out(profile: &SceneProfile, config: &RenderConfig) -> Vec<String> {
     let rough = config.whitted.mirror_roughness;
@@ -68,17 +211,15 @@ fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) 
     let specular =
         reflections.map(|reflections| whitted::specular(g, k, &config.whitted, &reflections, &vpls));
     let beauty = compose::beauty(g, &gbuffer, direct, specular, indirect.irradiance, glossy);
-    Layers {
-        beauty,
-        gbuffer,
-        geometry,
-        direct: Some(direct),
-        specular,
-        irradiance: Some(indirect.irradiance),
-        glossy,
-        halves: None,
-        rates: None,
-        vpl_count: Some(vpls.count),
-        regathered: indirect.regathered,
-    }
+    let mut layers = Layers::new(beauty, gbuffer);
+    layers.geometry = geometry;
+    layers.add(Aov::Direct, direct);
+    layers.add_or_black(Aov::Specular, specular);
+    let irradiance = indirect.irradiance;
+    layers.add_made(Aov::Indirect, move |g| compose::indirect(g, &gbuffer, irradiance));
+    layers.add_or_black(Aov::Glossy, glossy);
+    layers.add(Aov::Irradiance, irradiance);
+    layers.vpls = Some(VplCounts { count: vpls.count, paths: config.vpl_shoot.paths(), min_distance });
+    layers.regathered = indirect.regathered;
+    layers
 }

@@ -1,124 +1,32 @@
-//! Methods: ordered lists of techniques, nothing else.
+//! Methods: ordered lists of techniques, and all that the rest of the program needs to know of them. A method is one
+//! file; configuration, help, charts, the choice of settings, the stress suite and docs find it in [`REGISTRY`].
 
+mod aov;
+pub mod config;
 pub mod igi;
+mod layers;
+mod own;
 pub mod path;
+mod trial;
 
-use crate::config::RenderConfig;
-use crate::graph::{Buffer, Graph, Image, Res};
-use crate::scene::SceneProfile;
+pub use aov::Aov;
+pub use layers::{Layers, VplCounts};
+pub use own::{Group, Own};
+pub use trial::Trial;
+
+use crate::graph::Graph;
+use crate::scene::{Feature, SceneProfile};
 use crate::techniques::Kernels;
-use crate::techniques::gbuffer::{GBuffer, Geometry};
 use crate::techniques::path_trace::Means;
+use crate::techniques::setting::BadValue;
+use config::RenderConfig;
+use std::fmt;
 
-/// A layer beside beauty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Aov {
-    /// Diffuse albedo that irradiance is multiplied with, 3 channels.
-    Albedo,
-    /// Unit shading normal in the world, turned to the camera, 3 channels.
-    N,
-    /// Position in the world (m), 3 channels.
-    P,
-    /// Radiance by emission and direct light, 3 channels.
-    Direct,
-    /// Radiance through mirrors and glass, 3 channels.
-    Specular,
-    /// Radiance by indirect light in the diffuse part, 3 channels.
-    Indirect,
-    /// Radiance by indirect light in glossy lobes, 3 channels.
-    Glossy,
-    /// Indirect irradiance (W/m²), 3 channels.
-    Irradiance,
-    /// Distance along the viewing direction (m), 1 channel.
-    Depth,
-    /// Variance of beauty's mean, estimated by its halves (one degree of freedom), 3 channels.
-    Variance,
-    /// Radiance by samples 0, 2, 4, … alone, 3 channels.
-    HalfA,
-    /// Radiance by samples 1, 3, 5, … alone, 3 channels.
-    HalfB,
-    /// Of adaptive sampling, 3 channels: samples a pixel takes for each that pixels take on average, the variance that
-    /// rates so far have led to, 1 where it is that of equal rates, and samples it took before the rates last changed.
-    Rate,
-}
+/// All methods there are, the default first.
+pub static REGISTRY: &[&Method] = &[&igi::METHOD, &path::METHOD];
 
-impl Aov {
-    /// All of them.
-    pub const ALL: [Self; 13] = [
-        Self::Albedo,
-        Self::N,
-        Self::P,
-        Self::Direct,
-        Self::Specular,
-        Self::Indirect,
-        Self::Glossy,
-        Self::Irradiance,
-        Self::Depth,
-        Self::Variance,
-        Self::HalfA,
-        Self::HalfB,
-        Self::Rate,
-    ];
-
-    /// Its word on the command line and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Albedo => "albedo",
-            Self::N => "N",
-            Self::P => "P",
-            Self::Direct => "direct",
-            Self::Specular => "specular",
-            Self::Indirect => "indirect",
-            Self::Glossy => "glossy",
-            Self::Irradiance => "irradiance",
-            Self::Depth => "depth",
-            Self::Variance => "variance",
-            Self::HalfA => "half_a",
-            Self::HalfB => "half_b",
-            Self::Rate => "rate",
-        }
-    }
-
-    /// Whether it takes independent halves of a progressive picture's samples.
-    #[must_use]
-    pub fn takes_halves(self) -> bool {
-        matches!(self, Self::Variance | Self::HalfA | Self::HalfB)
-    }
-
-    /// Channels of the layer.
-    #[must_use]
-    pub fn channels(self) -> usize {
-        if self == Self::Depth { 1 } else { 3 }
-    }
-}
-
-/// What a method draws. All images are of the window's size.
-#[derive(Clone, Copy, Debug)]
-pub struct Layers {
-    /// Radiance of everything together.
-    pub beauty: Res<Image>,
-    /// Primary hits.
-    pub gbuffer: GBuffer,
-    /// Normals, depths and positions, where the method has made them.
-    pub geometry: Option<Geometry>,
-    /// Radiance by emission and direct light, where it is apart.
-    pub direct: Option<Res<Image>>,
-    /// Radiance through mirrors and glass, where there are any and it is apart.
-    pub specular: Option<Res<Image>>,
-    /// Indirect irradiance (W/m²), where there is one.
-    pub irradiance: Option<Res<Image>>,
-    /// Radiance by indirect light in glossy lobes, where there are any and it is apart.
-    pub glossy: Option<Res<Image>>,
-    /// Beauty by every second sample, of progressive methods asked for it.
-    pub halves: Option<[Res<Image>; 2]>,
-    /// Rates of adaptive sampling, where it is.
-    pub rates: Option<Res<Image>>,
-    /// VPLs that exist, of methods that have some.
-    pub vpl_count: Option<Res<Buffer>>,
-    /// Four unsigned integers, the last of them how many pixels no filter could serve; where some may be.
-    pub regathered: Option<Res<Buffer>>,
-}
+/// The method that others are measured against.
+pub static REFERENCE: &Method = &path::METHOD;
 
 /// What a method needs to know beside its configuration.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +46,7 @@ pub struct FrameInfo {
 }
 
 /// A way to render.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Method {
     /// Its word everywhere.
     pub name: &'static str,
@@ -148,32 +56,119 @@ pub struct Method {
     pub description: &'static str,
     /// The layers it can draw.
     pub aovs: &'static [Aov],
-    /// Whether a picture grows over many graphs, by [`FrameInfo::samples`] each; one graph draws it otherwise.
-    pub progressive: bool,
+    /// Those of them that only some settings have.
+    pub conditional: &'static [Conditional],
+    /// Settings that it has for itself, under its name.
+    pub own: Option<Group>,
+    /// Checks what no group of settings can check by itself.
+    pub check: fn(&RenderConfig) -> Result<(), BadValue>,
+    /// How its picture grows over many graphs; one graph draws it otherwise.
+    pub progressive: Option<Progressive>,
+    /// Specialises the kernels to its settings.
+    pub kernels: fn(Kernels, &RenderConfig) -> Kernels,
+    /// Features of scenes that cost it nothing.
+    pub costless: &'static [Feature],
+    /// What pixels depend on.
+    pub reach: fn(&RenderConfig) -> Reach,
+    /// Changes settings so that the picture, or the layer that is returned, is light that diffuse surfaces reflect of what
+    /// others scattered, alone.
+    pub diffuse_indirect: fn(&mut RenderConfig) -> Option<Aov>,
+    /// Rays a pixel that a frame takes, roughly.
+    pub cost: fn(&RenderConfig) -> f64,
+    /// Makes its picture comparable with others': paths begin at pixels' centres and, where a number is given, have so
+    /// many edges at most.
+    pub comparable: fn(&mut RenderConfig, Option<u32>),
+    /// What charts and the choice of settings try of it.
+    pub sweeps: Sweeps,
+    /// What it is tried with under stress.
+    pub trials: &'static [Trial],
     /// Records one graph.
     pub record: fn(&mut Graph, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
     /// What of a scene it does not model as configured, a sentence each.
     pub left_out: fn(&SceneProfile, &RenderConfig) -> Vec<String>,
 }
 
-/// All methods there are.
-pub const REGISTRY: &[Method] = &[igi::METHOD, path::METHOD];
+/// A layer that only some settings have.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditional {
+    /// The layer.
+    pub aov: Aov,
+    /// The option that turns it on.
+    pub option: &'static str,
+    /// Whether these settings have it.
+    pub there: fn(&RenderConfig) -> bool,
+}
+
+/// How a picture grows, by [`FrameInfo::samples`] samples a pixel each graph: its time in proportion to them all, its
+/// squared error in inverse proportion.
+#[derive(Clone, Copy, Debug)]
+pub struct Progressive {
+    /// The key that says how many samples a pixel there are in the end.
+    pub key: &'static str,
+    /// How many these settings say.
+    pub samples: fn(&RenderConfig) -> u32,
+    /// Sets how many.
+    pub set_samples: fn(&mut RenderConfig, u32),
+    /// Whether pixels take samples at different rates.
+    pub adaptive: fn(&RenderConfig) -> bool,
+    /// Rounds of a kernel's loop that a sample takes at most.
+    pub rounds: fn(&RenderConfig) -> u32,
+}
+
+/// Settings of a method, each text tables `[[sweep]]` as in files of grids.
+#[derive(Clone, Copy, Debug)]
+pub struct Sweeps {
+    /// From coarse to fine, in minutes on a CPU.
+    pub small: &'static str,
+    /// The paper's approaches.
+    pub paper: &'static str,
+    /// Everything there is, for a GPU.
+    pub full: &'static str,
+    /// What predicts all others where settings are to be picked quickly.
+    pub probe: &'static str,
+    /// What is tried beside where time is not short; no setting of `probe`.
+    pub finer: &'static str,
+}
+
+/// What pixels depend on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// Pixels beyond a part of the picture that decide what is in it.
+    pub pixels: u32,
+    /// Width and height (pixels) of the cells that are drawn whole or not at all.
+    pub cell: u32,
+}
 
 impl Method {
+    /// The layers it draws with these settings.
+    pub fn layers(&self, config: &RenderConfig) -> impl Iterator<Item = Aov> {
+        let there = |aov: &Aov| self.conditional.iter().all(|c| c.aov != *aov || (c.there)(config));
+        self.aovs.iter().copied().filter(there)
+    }
+
     /// Checks that the method can draw these layers with these settings.
     ///
     /// # Errors
     /// Names the first that it can't.
-    pub fn check(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<(), NoLayer> {
-        let there = |aov: &Aov| self.aovs.contains(aov) && (*aov != Aov::Rate || config.path_trace.adaptive);
-        match aovs.iter().find(|aov| !there(aov)) {
-            Some(aov) => Err(NoLayer {
-                method: self.name,
-                layer: aov.name(),
-                there: self.aovs.iter().copied().filter(there).collect(),
-            }),
+    pub fn check_layers(&self, config: &RenderConfig, aovs: &[Aov]) -> Result<(), NoLayer> {
+        match aovs.iter().find(|&&aov| self.layers(config).all(|there| there != aov)) {
+            Some(aov) => {
+                Err(NoLayer { method: self.name, layer: aov.name(), there: self.layers(config).collect() })
+            }
             None => Ok(()),
         }
+    }
+}
+
+impl fmt::Debug for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for Method {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
     }
 }
 
@@ -193,11 +188,13 @@ fn names(aovs: &[Aov]) -> String {
     aovs.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// The method called `name`.
-///
-/// # Panics
-/// If there is none: configurations only hold names of the registry.
+/// Makes the pictures of all methods comparable, as [`Method::comparable`] does for one.
+pub fn comparable(config: &mut RenderConfig, max_depth: Option<u32>) {
+    REGISTRY.iter().for_each(|method| (method.comparable)(config, max_depth));
+}
+
+/// The method called `name`, if there is one.
 #[must_use]
-pub fn named(name: &str) -> &'static Method {
-    REGISTRY.iter().find(|method| method.name == name).expect("configurations name methods of the registry")
+pub fn named(name: &str) -> Option<&'static Method> {
+    REGISTRY.iter().copied().find(|method| method.name == name)
 }

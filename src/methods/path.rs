@@ -3,13 +3,16 @@
 //! The layers `albedo`, `N`, `P` and `depth` are those of the pixel's centre. Radiance is not split by kind; instead
 //! `path_trace.transport` draws one kind alone.
 
-use super::{Aov, FrameInfo, Layers, Method};
-use crate::config::RenderConfig;
+use super::config::RenderConfig;
+use super::trial::{Trial, fails, holds};
+use super::{Aov, Conditional, FrameInfo, Layers, Method, Progressive, Reach, Sweeps};
 use crate::graph::Graph;
-use crate::techniques::{Kernels, gbuffer, path_trace};
+use crate::techniques::path_trace::{PixelFilter, Transport};
+use crate::techniques::setting::BadValue;
+use crate::techniques::{Kernels, compose, gbuffer, path_trace};
 
 /// The registry's entry.
-pub const METHOD: Method = Method {
+pub static METHOD: Method = Method {
     name: "path",
     about: "path tracing, the reference",
     description: "Paths from the camera ask a light at every vertex and find others by chance, weighted (multiple \
@@ -17,27 +20,85 @@ pub const METHOD: Method = Method {
         edges is missing, and light of points, spots and suns by way of mirrors and glass. Known noise: grain, by one over \
         the root of the samples a pixel. Kajiya 1986; Veach 1997.",
     aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB, Aov::Rate],
-    progressive: true,
+    conditional: &[Conditional {
+        aov: Aov::Rate,
+        option: "adaptive",
+        there: |config| config.path_trace.adaptive,
+    }],
+    own: None,
+    check: |config| match config.pixel_samples {
+        1 => Ok(()),
+        _ => Err(BadValue::new("pixel_samples", "method path has path_trace.spp in its place")),
+    },
+    progressive: Some(Progressive {
+        key: "path_trace.spp",
+        samples: |config| config.path_trace.spp,
+        set_samples: |config, samples| config.path_trace.spp = samples,
+        adaptive: |config| config.path_trace.adaptive,
+        rounds: RenderConfig::max_depth,
+    }),
+    kernels: |kernels, _| kernels,
+    costless: &[],
+    reach: |_| Reach { pixels: 0, cell: 1 },
+    cost: |config| 10.0 * f64::from(config.path_trace.spp),
+    comparable: |config, max_depth| {
+        config.path_trace.pixel_filter = PixelFilter::Center;
+        config.path_trace.max_depth = max_depth.or(config.path_trace.max_depth);
+    },
+    sweeps: Sweeps {
+        small: "
+            [[sweep]]
+            method = 'path'
+            path_trace.spp = [1, 4, 16]
+        ",
+        paper: "",
+        full: "
+            [[sweep]]
+            method = 'path'
+            path_trace.spp = [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]
+            [[sweep]]
+            method = 'path'
+            path_trace.estimator = 'naive'
+            path_trace.spp = [16, 256]
+        ",
+        probe: "
+            [[sweep]]
+            method = 'path'
+            path_trace.spp = 4
+        ",
+        finer: "",
+    },
+    diffuse_indirect: |config| {
+        config.path_trace.transport = Transport::DiffuseIndirect;
+        None
+    },
+    trials: TRIALS,
     record,
     left_out: |_, _| Vec::new(),
 };
+
+/// What it is tried with under stress.
+const TRIALS: &[Trial] = &[
+    fails("caustic-point", &[], "shadow rays stop at glass, and no path hits a point"),
+    holds("caustic-lamp", &[]),
+    fails("caustic-lamp", &["path_trace.transport=direct"], "direct light goes through no glass"),
+    holds("wires", &["path_trace.spp=128"]),
+    fails("far", &[], "hits are 8 mm off"),
+];
 
 /// # Panics
 /// Without means to add to.
 fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
     let means = frame.means.expect("progressive methods are given means");
     path_trace::path_trace(g, k, &config.path_trace, config.max_depth(), &means, frame.taken, frame.samples);
-    Layers {
-        beauty: means.all,
-        gbuffer: gbuffer::gbuffer(g, k, frame.origin, frame.extent),
-        geometry: None,
-        direct: None,
-        specular: None,
-        irradiance: None,
-        glossy: None,
-        halves: means.halves,
-        rates: means.rates,
-        vpl_count: None,
-        regathered: None,
+    let mut layers = Layers::new(means.all, gbuffer::gbuffer(g, k, frame.origin, frame.extent));
+    if let Some(halves) = means.halves {
+        layers.add_made(Aov::Variance, move |g| compose::variance(g, halves));
+        layers.add(Aov::HalfA, halves[0]);
+        layers.add(Aov::HalfB, halves[1]);
     }
+    if let Some(rates) = means.rates {
+        layers.add(Aov::Rate, rates);
+    }
+    layers
 }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::config::RenderConfig;
 use crate::graph::{self, Graph, Image, Res, RunOptions};
-use crate::methods::{Aov, FrameInfo};
+use crate::methods::{Aov, FrameInfo, Progressive};
 use crate::scene::Camera;
 use crate::techniques::Kernels;
 use crate::techniques::path_trace::Means;
@@ -23,8 +23,8 @@ use std::time::{Duration, Instant};
 /// Seconds a pass should take: what Ctrl-C and `--time` wait for.
 const PASS_SECONDS: f64 = 0.25;
 
-/// Edges a thread follows in one pass at most: some drivers end shaders' loops after 65 535 rounds in all.
-const PASS_EDGES: u32 = 128;
+/// Rounds of a thread's loop in one pass at most: some drivers end shaders' loops after 65 535 in all.
+const PASS_ROUNDS: u32 = 128;
 
 /// Samples before which noise is not estimated.
 const LEAST_SAMPLES: u32 = 16;
@@ -71,11 +71,10 @@ pub fn noise(mean: &[f32], a: &[f32], b: &[f32], samples: u32) -> f64 {
 
 /// The means that drawing `aovs` takes.
 pub(super) fn means(
-    config: &RenderConfig,
+    adaptive: bool,
     aovs: &[Aov],
     mut image: impl FnMut(&'static str) -> Res<Image>,
 ) -> Means {
-    let adaptive = config.path_trace.adaptive;
     let halves = adaptive || aovs.iter().any(|aov| aov.takes_halves());
     Means {
         all: image("mean"),
@@ -225,6 +224,7 @@ impl Renderer {
     /// Takes samples until one of the limits is reached.
     pub(super) fn progressive(
         &mut self,
+        method: &Progressive,
         config: &RenderConfig,
         camera: &Camera,
         request: &FrameRequest<'_>,
@@ -232,7 +232,7 @@ impl Renderer {
     ) -> Result<Rendered, Error> {
         let start = Instant::now();
         let view = Window::of(config);
-        let adaptive = config.path_trace.adaptive;
+        let adaptive = (method.adaptive)(config);
         let halves = adaptive || request.noise.is_some() || request.aovs.iter().any(|aov| aov.takes_halves());
         let mut state = State::new(&self.device, view.extent, halves, adaptive, request.resume)?;
         self.write_uniform(config, camera, Vec2::splat(0.5), once.counters)?;
@@ -244,15 +244,16 @@ impl Renderer {
         taps(&mut g, request.taps)?;
         drop(g);
         let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
-        let target = config.path_trace.spp;
+        let target = (method.samples)(config);
         let (first, mut next_check) = (state.samples, LEAST_SAMPLES.max(state.samples));
         let mut rendered = Rendered::new();
         let (mut seconds_a_sample, mut shown) = (None, start);
         let rate = if adaptive { MAX_RATE } else { 1 };
-        let most = (PASS_EDGES / config.max_depth().saturating_mul(rate)).max(1);
+        let most = (PASS_ROUNDS / (method.rounds)(config).saturating_mul(rate)).max(1);
 
-        while state.samples < target && !cancelled() && request.time.is_none_or(|time| start.elapsed() < time)
-        {
+        // However short the time, there is a picture.
+        let in_time = |samples| samples == 0 || request.time.is_none_or(|time| start.elapsed() < time);
+        while state.samples < target && !cancelled() && in_time(state.samples) {
             if request.noise.is_some() && state.samples >= next_check {
                 // At numbers of samples that no clock decides.
                 next_check = state.samples + (state.samples / 4).max(2);

@@ -1,11 +1,11 @@
 //! Where scenes are rendered and measured.
 
 use super::Options;
-use crate::config::{Method, RenderConfig};
+use crate::config::RenderConfig;
 use crate::methods::{self, Aov};
 use crate::renderer::{Error, FrameRequest, Layer, Renderer, RendererOptions};
 use crate::scene::{Camera, Light, Scene};
-use crate::techniques::path_trace::{PixelFilter, Transport};
+use crate::techniques::path_trace::PixelFilter;
 use crate::vk;
 use std::collections::HashMap;
 
@@ -141,11 +141,10 @@ impl<'a> Lab<'a> {
         part: Part,
     ) -> Result<Layer, Error> {
         let mut config = config.clone();
-        let apart = methods::named(config.method.name()).aovs.contains(&Aov::Indirect);
-        let aov = (part == Part::Indirect && apart).then_some(Aov::Indirect);
-        if part == Part::Indirect && !apart {
-            config.path_trace.transport = Transport::DiffuseIndirect;
-        }
+        let aov = match part {
+            Part::All => None,
+            Part::Indirect => (config.method.diffuse_indirect)(&mut config),
+        };
         self.draw(subject, shot, &config, aov)
     }
 
@@ -172,7 +171,7 @@ impl<'a> Lab<'a> {
             return Ok(layer.clone());
         }
         let mut reference = RenderConfig {
-            method: Method::Path,
+            method: methods::REFERENCE,
             size: config.size,
             seed: REFERENCE_SEED,
             vpl_shoot: config.vpl_shoot.clone(),

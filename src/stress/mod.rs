@@ -1,7 +1,7 @@
 //! Scenes that provoke known failures, and a page of what each method makes of them.
 //!
-//! A case is a small scene, the number that shows a failure and the bound that a method must meet. Its variants, a
-//! method with settings each, say which are known to miss the bound and why. A remedy is one variant more.
+//! A case is a small scene, the number that shows a failure and the bound that a method must meet. Each method's trials
+//! ([`Method::trials`]) say which settings are known to miss the bound and why. A remedy is one trial more.
 
 mod cases;
 pub mod data;
@@ -10,9 +10,9 @@ mod picture;
 pub mod report;
 mod scenes;
 
-use crate::config::{ConfigError, Method, RenderConfig};
+use crate::config::{ConfigError, RenderConfig};
+use crate::methods::{self, Method, REGISTRY};
 use crate::renderer::{BackendChoice, Error, Progress};
-use crate::techniques::path_trace::PixelFilter;
 use crate::vk;
 use data::{Row, SCHEMA, Shown, Stress, Verdict};
 use lab::{Lab, Measured};
@@ -34,8 +34,6 @@ pub struct Case {
     pub limit: f64,
     /// Settings of all variants, as for [`RenderConfig::apply_override`].
     pub settings: &'static [&'static str],
-    /// What is run.
-    pub variants: &'static [Variant],
     measure: fn(&mut Lab<'_>, &RenderConfig) -> Result<Measured, Error>,
 }
 
@@ -43,7 +41,7 @@ pub struct Case {
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     /// The method.
-    pub method: Method,
+    pub method: &'static Method,
     /// As for [`RenderConfig::apply_override`]; none are the defaults.
     pub settings: &'static [&'static str],
     /// Why it misses the bound, if it is known to.
@@ -78,11 +76,11 @@ pub fn cases() -> impl Iterator<Item = &'static Case> {
 /// [`Error::Cancelled`], a bad size, or the device's failure: what a method makes of a scene is none.
 pub fn run(device: &vk::Device, options: &Options<'_>) -> Result<Stress, Error> {
     let chosen: Vec<_> = cases().filter(|case| options.only.is_none_or(|name| name == case.name)).collect();
-    let all = chosen.iter().map(|case| case.variants.len()).sum::<usize>();
+    let all = chosen.iter().map(|case| case.variants().len()).sum::<usize>();
     let (mut rows, mut images, mut backend) = (Vec::new(), BTreeMap::new(), "");
     for case in chosen {
         let mut lab = Lab::new(device, options);
-        for variant in case.variants {
+        for variant in &case.variants() {
             if let Some(report) = options.progress {
                 let done = rows.len() as f64 / all as f64;
                 report(Progress { pass: &format!("{}: {}", case.name, variant.title()), done });
@@ -105,6 +103,21 @@ pub fn run(device: &vk::Device, options: &Options<'_>) -> Result<Stress, Error> 
 }
 
 impl Case {
+    /// What is run: every method of the registry, by its trials.
+    #[must_use]
+    pub fn variants(&self) -> Vec<Variant> {
+        let of = |&method: &&'static Method| {
+            let named = method.trials.iter().filter(|trial| trial.case == self.name);
+            let mut variants: Vec<_> =
+                named.map(|trial| Variant { method, settings: trial.settings, known: trial.known }).collect();
+            if variants.is_empty() {
+                variants.push(Variant { method, settings: &[], known: None });
+            }
+            variants
+        };
+        REGISTRY.iter().flat_map(of).collect()
+    }
+
     fn config(&self, variant: &Variant, options: &Options<'_>) -> Result<RenderConfig, ConfigError> {
         let mut config = RenderConfig {
             method: variant.method,
@@ -113,7 +126,7 @@ impl Case {
             ..RenderConfig::default()
         };
         // Methods are compared at the same positions.
-        config.path_trace.pixel_filter = PixelFilter::Center;
+        methods::comparable(&mut config, None);
         let settings = self.settings.iter().chain(variant.settings);
         settings.into_iter().try_for_each(|assignment| config.apply_override(assignment))?;
         config.validate()?;
@@ -131,7 +144,7 @@ impl Case {
         Row {
             scene: self.name.into(),
             mechanism: self.mechanism.into(),
-            method: variant.method.name().into(),
+            method: variant.method.name.into(),
             setting: variant.settings.join(" "),
             number: self.number.into(),
             value: measured.value.is_finite().then_some(measured.value),
@@ -151,6 +164,20 @@ impl Case {
 impl Variant {
     /// Method and settings in few words.
     fn title(&self) -> String {
-        std::iter::once(self.method.name()).chain(self.settings.iter().copied()).collect::<Vec<_>>().join(" ")
+        std::iter::once(self.method.name).chain(self.settings.iter().copied()).collect::<Vec<_>>().join(" ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trials_are_of_cases_that_there_are() {
+        for method in REGISTRY {
+            for trial in method.trials {
+                assert!(cases().any(|case| case.name == trial.case), "{}: {}", method.name, trial.case);
+            }
+        }
     }
 }

@@ -11,6 +11,7 @@
 //! Only pictures for screens have glare; linear radiance is that before it. A crop's glare is its own: it knows
 //! nothing of the lights beside it. Cost: two passes a doubling of the radius, 8/3 of the picture's pixels in all.
 
+use super::setting::{BadValue, Settings, within};
 use crate::graph::{Graph, Grid, Image, Res};
 use crate::shaders::glare::{down, up};
 
@@ -28,6 +29,13 @@ pub struct GlareConfig {
 impl Default for GlareConfig {
     fn default() -> Self {
         Self { strength: 0.0, radius: 0.1 }
+    }
+}
+
+impl Settings for GlareConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("glare.strength", self.strength, 0.0..=1.0)?;
+        within("glare.radius", self.radius, 0.001..=0.5)
     }
 }
 

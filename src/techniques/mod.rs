@@ -6,6 +6,7 @@ pub mod gbuffer;
 pub mod glare;
 pub mod indirect;
 pub mod path_trace;
+pub mod setting;
 pub mod tone_map;
 pub mod vpl_shoot;
 pub mod whitted;

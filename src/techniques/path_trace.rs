@@ -19,9 +19,13 @@
 pub(crate) mod adaptive;
 
 use super::Kernels;
+use super::setting::{BadValue, Settings, within};
 use crate::graph::{Graph, Grid, Image, Res};
 use crate::shaders::path_trace::trace;
 use adaptive::Round;
+
+/// Most paths a pixel: 32-bit floats count no further.
+pub const MAX_SPP: u32 = 1 << 24;
 
 /// How light is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -95,6 +99,14 @@ impl Default for PathTraceConfig {
             roulette_depth: 5,
             adaptive: false,
         }
+    }
+}
+
+impl Settings for PathTraceConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("path_trace.spp", self.spp, 1..=MAX_SPP)?;
+        self.max_depth.map_or(Ok(()), |edges| within("path_trace.max_depth", edges, 1..=65536))?;
+        within("path_trace.roulette_depth", self.roulette_depth, 1..=65536)
     }
 }
 

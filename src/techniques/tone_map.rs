@@ -1,5 +1,6 @@
 //! From linear radiance to a picture for a screen: exposure, a tone mapping operator and the sRGB transfer function.
 
+use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::tone_map::{display, exposure, rows};
 use crate::vk::Format;
@@ -66,6 +67,13 @@ pub struct ToneMapConfig {
 impl Default for ToneMapConfig {
     fn default() -> Self {
         Self { exposure: None, operator: Operator::default(), white: 4.0 }
+    }
+}
+
+impl Settings for ToneMapConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("tone_map.white", self.white, 0.01..=1e6)?;
+        self.exposure.map_or(Ok(()), |stops| within("tone_map.exposure", stops, -64.0..=64.0))
     }
 }
 

@@ -14,6 +14,7 @@
 //! Cost: P paths of at most `bounces · (specular_depth + 1)` rays, one thread each.
 
 use super::Kernels;
+use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Res};
 use crate::shaders::{
     Vpl,
@@ -35,6 +36,13 @@ pub struct VplShootConfig {
 impl Default for VplShootConfig {
     fn default() -> Self {
         Self { vpls: 180, bounces: 3 }
+    }
+}
+
+impl Settings for VplShootConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("vpl_shoot.vpls", self.vpls, 1..=1 << 24)?;
+        within("vpl_shoot.bounces", self.bounces, 1..=32)
     }
 }
 

@@ -17,6 +17,7 @@
 //! the more `light_samples` it takes.
 //! Cost: one shadow ray a light and `light_samples`; behind mirrors and glass also one a VPL.
 
+use super::setting::{BadValue, Settings, within};
 use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::{
@@ -50,6 +51,14 @@ pub struct WhittedConfig {
 impl Default for WhittedConfig {
     fn default() -> Self {
         Self { specular_depth: 5, mirror_roughness: 0.1, light_samples: 16 }
+    }
+}
+
+impl Settings for WhittedConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("whitted.specular_depth", self.specular_depth, 0..=16)?;
+        within("whitted.mirror_roughness", self.mirror_roughness, 0.0..=1.0)?;
+        within("whitted.light_samples", self.light_samples, 1..=4096)
     }
 }
 

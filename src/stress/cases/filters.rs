@@ -1,8 +1,7 @@
 //! What fewer samples than pixels miss.
 
 use super::super::scenes;
-use super::{Case, Part, Subject, against_reference, fails, holds};
-use crate::config::Method::{Igi, Path};
+use super::{Case, Part, Subject, against_reference};
 use crate::metrics;
 
 const WIRES: Subject = Subject { name: "wires", make: scenes::wires };
@@ -16,16 +15,6 @@ pub(super) const CASES: &[Case] = &[
         number: "relMSE of indirect light",
         limit: 0.02,
         settings: &["vpl_shoot.vpls=1024"],
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.downsample=4"], "no sample fits posts"),
-            fails(
-                Igi,
-                &["indirect.downsample=4", "indirect.upsample=plane"],
-                "posts get light of their own, but shadows between samples stay unseen",
-            ),
-            holds(Path, &["path_trace.spp=128"]),
-        ],
         measure: |lab, config| against_reference(lab, config, &WIRES, Part::Indirect, metrics::rel_mse),
     },
     Case {
@@ -35,12 +24,6 @@ pub(super) const CASES: &[Case] = &[
         number: "relMSE of indirect light",
         limit: 0.06,
         settings: &["vpl_shoot.vpls=720"],
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.interleave=3"], "neighbours count whole or not at all, and few do"),
-            holds(Igi, &["indirect.interleave=3", "indirect.filter=combined"]),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| against_reference(lab, config, &BUMPY, Part::Indirect, metrics::rel_mse),
     },
 ];

@@ -1,10 +1,9 @@
 //! Coordinates and triangles at the ends of what there is.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, fails, holds};
+use super::{Case, Part, Shot, Subject};
 use crate::accel::Geometry;
 use crate::accel::cpu::{BruteForce, Ray};
-use crate::config::Method::{Igi, Path};
 use crate::config::RenderConfig;
 use crate::methods::Aov;
 use crate::metrics;
@@ -33,7 +32,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],
-        variants: &[holds(Igi, &[]), holds(Igi, &["indirect.visibility=boxes"]), holds(Path, &[])],
         measure: |lab, config| like_the_room(lab, config, &SMALL),
     },
     Case {
@@ -42,7 +40,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],
-        variants: &[holds(Igi, &[]), holds(Igi, &["indirect.visibility=boxes"]), holds(Path, &[])],
         measure: |lab, config| like_the_room(lab, config, &LARGE),
     },
     Case {
@@ -51,10 +48,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],
-        variants: &[
-            fails(Igi, &[], "hits and virtual lights are 8 mm off"),
-            fails(Path, &[], "hits are 8 mm off"),
-        ],
         measure: |lab, config| like_the_room(lab, config, &FAR),
     },
     Case {
@@ -63,7 +56,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 0.0,
         settings: &["path_trace.spp=16"],
-        variants: &[holds(Igi, &[]), holds(Path, &[])],
         measure: |lab, config| like_the_room(lab, config, &DEGENERATE),
     },
     Case {
@@ -72,11 +64,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],
-        variants: &[
-            fails(Igi, &[], "the default min_distance follows the area, which is twice the room's"),
-            holds(Igi, &["indirect.min_distance=0.1"]),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| like_the_room(lab, config, &DUPLICATED),
     },
     Case {
@@ -86,7 +73,6 @@ pub(super) const CASES: &[Case] = &[
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["indirect.min_distance=0.1", "path_trace.spp=16"],
-        variants: &[holds(Igi, &[]), holds(Path, &[])],
         measure: |lab, config| like_the_room(lab, config, &COINCIDENT),
     },
     Case {
@@ -95,7 +81,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of pixels that hit where brute force misses, the reverse, or are off by more than a needle's width",
         limit: 0.002,
         settings: &["vpl_shoot.vpls=1", "path_trace.spp=1"],
-        variants: &[holds(Igi, &[]), holds(Path, &[])],
         measure: slivers,
     },
 ];

@@ -1,8 +1,7 @@
 //! How light is carried: singularities, clamps, lobes, caustics, samples.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, against_reference, fails, holds, largest, mean};
-use crate::config::Method::{Igi, Path};
+use super::{Case, Part, Shot, Subject, against_reference, largest, mean};
 use crate::config::RenderConfig;
 use crate::methods::Aov;
 use crate::metrics;
@@ -28,11 +27,6 @@ pub(super) const CASES: &[Case] = &[
         number: "largest excess of indirect light, in means of the reference",
         limit: 2.0,
         settings: &[],
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.min_distance=0"], "without a least distance the spots stay"),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| against_reference(lab, config, &CREASE, Part::Indirect, excess),
     },
     Case {
@@ -42,12 +36,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of indirect light lost or gained, against Φ/A · Σρᵏ",
         limit: 0.03,
         settings: &[],
-        variants: &[
-            fails(Igi, &[], "m = ½·√(A/N) is 18 cm here, which would take 8 % of walls lit evenly"),
-            holds(Igi, &["vpl_shoot.vpls=4096"]),
-            holds(Igi, &["indirect.compensation=4"]),
-            holds(Path, &[]),
-        ],
         measure: clamp,
     },
     Case {
@@ -56,11 +44,6 @@ pub(super) const CASES: &[Case] = &[
         number: "relMSE",
         limit: 0.02,
         settings: &[],
-        variants: &[
-            fails(Igi, &[], "180 virtual lights are too few for a lobe"),
-            fails(Igi, &["indirect.glossy=false"], "the lobe's light is missing"),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| against_reference(lab, config, &METAL, Part::All, metrics::rel_mse),
     },
     Case {
@@ -70,10 +53,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of light lost on a floor under a pane, against Fresnel's equations",
         limit: 0.05,
         settings: &[],
-        variants: &[
-            fails(Igi, &[], "shadow rays stop at glass, and virtual lights light others only"),
-            fails(Path, &[], "shadow rays stop at glass, and no path hits a point"),
-        ],
         measure: caustic,
     },
     Case {
@@ -82,11 +61,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of light lost",
         limit: 0.05,
         settings: &[],
-        variants: &[
-            fails(Igi, &[], "shadow rays stop at glass, and virtual lights light others only"),
-            holds(Path, &[]),
-            fails(Path, &["path_trace.transport=direct"], "direct light goes through no glass"),
-        ],
         measure: |lab, config| {
             against_reference(lab, config, &LAMP, Part::All, |image, reference| {
                 metrics::signed_bias(image, reference).abs()
@@ -99,7 +73,6 @@ pub(super) const CASES: &[Case] = &[
         number: "relMSE",
         limit: 0.05,
         settings: &[],
-        variants: &[holds(Igi, &[]), holds(Path, &[])],
         measure: |lab, config| against_reference(lab, config, &MANY, Part::All, metrics::rel_mse),
     },
     Case {
@@ -108,12 +81,6 @@ pub(super) const CASES: &[Case] = &[
         number: "largest radiance",
         limit: 0.0,
         settings: &[],
-        variants: &[
-            holds(Igi, &[]),
-            holds(Igi, &["indirect.downsample=4", "indirect.interleave=3"]),
-            holds(Igi, &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"]),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| {
             let picture = lab.picture(&DARK, &Shot::default(), config, Part::All)?;
             let value = largest(picture.data.iter().map(|&value| f64::from(value.abs())));
@@ -127,16 +94,6 @@ pub(super) const CASES: &[Case] = &[
         number: "largest difference between the sides of a cube that get the same light, in their mean",
         limit: 0.1,
         settings: &["vpl_shoot.bounces=16", "vpl_shoot.vpls=160"],
-        variants: &[
-            fails(Igi, &["seed=0"], "plain Halton points"),
-            fails(
-                Igi,
-                &["seed=0", "vpl_shoot.vpls=2048"],
-                "in bases beyond a hundred 128 paths are still one line",
-            ),
-            holds(Igi, &["seed=1", "vpl_shoot.vpls=2048"]),
-            holds(Path, &[]),
-        ],
         measure: halton,
     },
 ];

@@ -6,22 +6,14 @@ mod light;
 mod time;
 mod visibility;
 
+use super::Case;
 use super::lab::{Lab, Measured, Part, Shot, Subject};
-use super::{Case, Variant};
-use crate::config::{Method, RenderConfig};
+use crate::config::RenderConfig;
 use crate::renderer::{Error, Layer};
 
 /// All of them, in the order of the page.
 pub(super) const ALL: [&[Case]; 5] =
     [light::CASES, visibility::CASES, filters::CASES, time::CASES, geometry::CASES];
-
-const fn holds(method: Method, settings: &'static [&'static str]) -> Variant {
-    Variant { method, settings, known: None }
-}
-
-const fn fails(method: Method, settings: &'static [&'static str], why: &'static str) -> Variant {
-    Variant { method, settings, known: Some(why) }
-}
 
 /// A measure of a picture against the reference.
 fn against_reference(

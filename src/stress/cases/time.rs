@@ -1,8 +1,7 @@
 //! Sequences: what moves, and what stays behind.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, fails, holds, largest};
-use crate::config::Method::{Igi, Path};
+use super::{Case, Part, Shot, Subject, largest};
 use crate::config::RenderConfig;
 use crate::metrics;
 use crate::renderer::{Error, Layer};
@@ -22,11 +21,6 @@ pub(super) const CASES: &[Case] = &[
         number: "flicker: relMSE of the changes from frame to frame",
         limit: 0.015,
         settings: &[],
-        variants: &[
-            fails(Igi, &[], "virtual lights jump"),
-            holds(Igi, &["vpl_shoot.vpls=2048"]),
-            holds(Path, &[]),
-        ],
         measure: popping,
     },
     Case {
@@ -35,11 +29,6 @@ pub(super) const CASES: &[Case] = &[
         number: "largest radiance in the next frame",
         limit: 0.0,
         settings: &[],
-        variants: &[
-            holds(Igi, &[]),
-            holds(Igi, &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"]),
-            holds(Path, &[]),
-        ],
         measure: lag,
     },
     Case {
@@ -49,12 +38,6 @@ pub(super) const CASES: &[Case] = &[
         number: "flicker of indirect light: relMSE of the changes from frame to frame",
         limit: 0.05,
         settings: &["vpl_shoot.vpls=1024"],
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.downsample=4"], "posts change with the samples that hit them"),
-            fails(Igi, &["indirect.downsample=4", "indirect.interleave=3"], "and with their subsets"),
-            holds(Path, &[]),
-        ],
         measure: crawling,
     },
 ];

@@ -1,8 +1,7 @@
 //! What blocks light: bounding boxes, thin walls, narrow gaps.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, against_reference, fails, holds, largest, mean};
-use crate::config::Method::{Igi, Path};
+use super::{Case, Part, Shot, Subject, against_reference, largest, mean};
 use crate::config::RenderConfig;
 use crate::metrics;
 use crate::renderer::{Error, Layer};
@@ -23,12 +22,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of indirect light lost or gained",
         limit: 0.1,
         settings: FINE,
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.visibility=boxes"], "boxes of slats close the gaps"),
-            holds(Igi, &["indirect.visibility=boxes-plane"]),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| against_reference(lab, config, &BLINDS, Part::Indirect, bias),
     },
     Case {
@@ -38,12 +31,6 @@ pub(super) const CASES: &[Case] = &[
         number: "share of indirect light lost or gained",
         limit: 0.1,
         settings: FINE,
-        variants: &[
-            holds(Igi, &[]),
-            fails(Igi, &["indirect.visibility=boxes"], "a fifth is lost to the walls' boxes"),
-            holds(Igi, &["indirect.visibility=boxes-plane"]),
-            holds(Path, &[]),
-        ],
         measure: |lab, config| against_reference(lab, config, &TURNED, Part::Indirect, bias),
     },
     Case {
@@ -52,24 +39,6 @@ pub(super) const CASES: &[Case] = &[
         number: "largest radiance in the dark room, in means of the lit one",
         limit: 0.0,
         settings: &[],
-        variants: &[
-            holds(Igi, &[]),
-            holds(Igi, &["indirect.visibility=boxes"]),
-            holds(Igi, &["indirect.visibility=boxes-plane"]),
-            fails(Igi, &["indirect.downsample=4"], "samples of the floor beyond the wall fit"),
-            fails(
-                Igi,
-                &["indirect.downsample=4", "indirect.upsample=plane"],
-                "floors of both rooms are one plane",
-            ),
-            fails(Igi, &["indirect.interleave=3"], "the discontinuity buffer sees no wall edge on"),
-            fails(
-                Igi,
-                &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"],
-                "floors of both rooms are one plane",
-            ),
-            holds(Path, &[]),
-        ],
         measure: leak,
     },
     Case {
@@ -78,7 +47,6 @@ pub(super) const CASES: &[Case] = &[
         number: "relMSE of blocks of 4x4 pixels",
         limit: 0.15,
         settings: &[],
-        variants: &[fails(Igi, &[], "few virtual lights see the room"), holds(Path, &[])],
         measure: |lab, config| {
             let width = config.size[0] as usize;
             // The reference has noise of its own here, which blocks average away.

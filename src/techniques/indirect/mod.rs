@@ -37,6 +37,7 @@ mod glossy;
 mod interleave;
 
 use super::gbuffer::{GBuffer, Geometry};
+use super::setting::{BadValue, Settings, within};
 use super::{Kernels, vpl_shoot::VplShootConfig, vpl_shoot::Vpls};
 use crate::accel::boxes::BoxOptions;
 use crate::graph::{Buffer, Graph, Image, Res};
@@ -131,6 +132,35 @@ impl Default for IndirectConfig {
             plane_threshold: 0.5,
             plane_cosine: 0.8,
             glossy: true,
+        }
+    }
+}
+
+impl Settings for IndirectConfig {
+    fn check(&self) -> Result<(), BadValue> {
+        within("indirect.compensation", self.compensation, 0..=64)?;
+        within("indirect.downsample", self.downsample, 1..=16)?;
+        within("indirect.interleave", self.interleave, 1..=3)?;
+        within("indirect.depth_threshold", self.depth_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
+        within("indirect.normal_threshold", self.normal_threshold, -1.0..=1.0)?;
+        within("indirect.plane_threshold", self.plane_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
+        within("indirect.plane_cosine", self.plane_cosine, -1.0..=0.999)?;
+        if let Some(distance) = self.min_distance
+            && !(distance.is_finite() && distance >= 0.0)
+        {
+            let problem = format!("{distance} is not a distance (finite, at least 0)");
+            return Err(BadValue::new("indirect.min_distance", problem));
+        }
+        match self.box_split {
+            Some(longest) if !(longest.is_finite() && longest > 0.0) => {
+                let problem = format!("{longest} is not a length (finite, above 0)");
+                Err(BadValue::new("indirect.box_split", problem))
+            }
+            Some(_) if self.boxes().is_none() => {
+                let problem = format!("visibility {} has no boxes to split", self.visibility.name());
+                Err(BadValue::new("indirect.box_split", problem))
+            }
+            _ => Ok(()),
         }
     }
 }

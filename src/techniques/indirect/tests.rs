@@ -5,7 +5,7 @@ use crate::accel::{Geometry as World, Structure};
 use crate::common;
 use crate::config::RenderConfig;
 use crate::graph::{Executor, ImageDesc, RunOptions};
-use crate::methods::{self, FrameInfo};
+use crate::methods::{self, Aov, FrameInfo};
 use crate::renderer::{BackendChoice, Renderer, RendererOptions};
 use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Instance, Material, Mesh, Scene, SceneProfile, View, builtin};
@@ -595,9 +595,9 @@ fn many_submits_are_one_frame() {
         };
         let run = |submit_ms: f64| {
             let mut g = Graph::new();
-            let layers = (methods::igi::METHOD.record)(&mut g, &kernels, &config, &frame);
-            let tickets =
-                [layers.beauty, layers.irradiance.unwrap()].map(|image| g.read_image::<[u32; 4]>(image));
+            let mut layers = (methods::igi::METHOD.record)(&mut g, &kernels, &config, &frame);
+            let irradiance = layers.image(&mut g, &kernels, Aov::Irradiance);
+            let tickets = [layers.beauty, irradiance].map(|image| g.read_image::<[u32; 4]>(image));
             let count = g.read_buffer::<u32>(layers.regathered.unwrap());
             let mut executor = Executor::new(&device, Backend::Software).unwrap();
             let options = RunOptions { scene: Some(&set), submit_ms, ..RunOptions::default() };

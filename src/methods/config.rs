@@ -3,47 +3,22 @@
 //! A file (TOML) and single assignments reach every field; a key that names none is an error with the
 //! nearest one. An optional key takes the word `auto` for its absence.
 
+use super::{Method, Own, REGISTRY};
+use crate::techniques::setting::{BadValue, Settings, within};
 use crate::techniques::{
     glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
     vpl_shoot::VplShootConfig, whitted::WhittedConfig,
 };
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
+pub use crate::techniques::path_trace::MAX_SPP;
+
 /// Width and height a picture may have, in pixels.
 pub const SIZE_RANGE: RangeInclusive<u32> = 1..=16384;
-
-/// Most paths a pixel: 32-bit floats count no further.
-pub const MAX_SPP: u32 = 1 << 24;
-
-/// How light is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Instant global illumination with virtual point lights (Keller 1997; Wald et al. 2002; Marques &
-    /// Santos 2010).
-    #[default]
-    Igi,
-    /// Path tracing (Kajiya 1986): the reference.
-    Path,
-}
-
-impl Method {
-    /// Every method.
-    pub const ALL: &'static [Self] = &[Self::Igi, Self::Path];
-
-    /// Its word on the command line, in files and in charts.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Igi => "igi",
-            Self::Path => "path",
-        }
-    }
-}
 
 /// Everything that decides a picture besides scene, camera and backend.
 ///
@@ -56,10 +31,11 @@ impl Method {
 /// # Ok::<(), parhelion::config::ConfigError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct RenderConfig {
     /// How light is computed.
-    pub method: Method,
+    #[serde(serialize_with = "write_method", deserialize_with = "read_method")]
+    pub method: &'static Method,
     /// Width and height (pixels), each 1 … 16384. Time and memory grow with their product.
     pub size: [u32; 2],
     /// Which of the equally good sample sets is used. Another seed is another sample of the same noise; no
@@ -88,12 +64,15 @@ pub struct RenderConfig {
     pub glare: GlareConfig,
     /// From radiance to a picture for a screen.
     pub tone_map: ToneMapConfig,
+    /// Groups that methods have for themselves.
+    #[serde(flatten)]
+    pub own: Own,
 }
 
 impl Default for RenderConfig {
     fn default() -> Self {
         Self {
-            method: Method::default(),
+            method: REGISTRY[0],
             size: [800, 600],
             seed: 0,
             pixel_samples: 1,
@@ -105,8 +84,22 @@ impl Default for RenderConfig {
             path_trace: PathTraceConfig::default(),
             glare: GlareConfig::default(),
             tone_map: ToneMapConfig::default(),
+            own: Own::default(),
         }
     }
+}
+
+fn write_method<S: Serializer>(method: &&'static Method, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(method.name)
+}
+
+fn read_method<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static Method, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    super::named(&name).ok_or_else(|| {
+        let names: Vec<_> = REGISTRY.iter().map(|method| format!("`{}`", method.name)).collect();
+        let problem = format!("unknown variant `{name}`, expected {}", names.join(" or "));
+        serde::de::Error::custom(problem)
+    })
 }
 
 /// Settings under one name.
@@ -210,6 +203,12 @@ pub enum ConfigError {
     },
 }
 
+impl From<BadValue> for ConfigError {
+    fn from(BadValue { key, problem }: BadValue) -> Self {
+        Self::Value { key: key.into(), problem }
+    }
+}
+
 impl RenderConfig {
     /// Reads a TOML file; keys that it does not name keep their defaults. Ranges are [`Self::validate`]'s.
     ///
@@ -275,51 +274,13 @@ impl RenderConfig {
             && !(x0 < x1 && x1 <= width && y0 < y1 && y1 <= height)
         {
             let problem = format!("{x0},{y0},{x1},{y1} is empty or not inside a picture of {width}x{height}");
-            return Err(ConfigError::Value { key: "crop".into(), problem });
+            return Err(BadValue::new("crop", problem).into());
         }
-        within("vpl_shoot.vpls", self.vpl_shoot.vpls, 1..=1 << 24)?;
-        within("vpl_shoot.bounces", self.vpl_shoot.bounces, 1..=32)?;
-        within("whitted.specular_depth", self.whitted.specular_depth, 0..=16)?;
-        within("whitted.mirror_roughness", self.whitted.mirror_roughness, 0.0..=1.0)?;
-        within("whitted.light_samples", self.whitted.light_samples, 1..=4096)?;
-        within("indirect.compensation", self.indirect.compensation, 0..=64)?;
-        within("indirect.downsample", self.indirect.downsample, 1..=16)?;
-        within("indirect.interleave", self.indirect.interleave, 1..=3)?;
-        within("indirect.depth_threshold", self.indirect.depth_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
-        within("indirect.normal_threshold", self.indirect.normal_threshold, -1.0..=1.0)?;
-        within("indirect.plane_threshold", self.indirect.plane_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
-        within("indirect.plane_cosine", self.indirect.plane_cosine, -1.0..=0.999)?;
-        if let Some(distance) = self.indirect.min_distance
-            && !(distance.is_finite() && distance >= 0.0)
-        {
-            let problem = format!("{distance} is not a distance (finite, at least 0)");
-            return Err(ConfigError::Value { key: "indirect.min_distance".into(), problem });
-        }
-        if let Some(longest) = self.indirect.box_split {
-            let problem = if !(longest.is_finite() && longest > 0.0) {
-                format!("{longest} is not a length (finite, above 0)")
-            } else if self.indirect.boxes().is_none() {
-                format!("visibility {} has no boxes to split", self.indirect.visibility.name())
-            } else {
-                String::new()
-            };
-            if !problem.is_empty() {
-                return Err(ConfigError::Value { key: "indirect.box_split".into(), problem });
-            }
-        }
-        within("path_trace.spp", self.path_trace.spp, 1..=MAX_SPP)?;
-        within("path_trace.max_depth", self.max_depth(), 1..=65536)?;
-        within("path_trace.roulette_depth", self.path_trace.roulette_depth, 1..=65536)?;
-        if self.method == Method::Path && self.pixel_samples != 1 {
-            let problem = "method path has path_trace.spp in its place".into();
-            return Err(ConfigError::Value { key: "pixel_samples".into(), problem });
-        }
-        within("glare.strength", self.glare.strength, 0.0..=1.0)?;
-        within("glare.radius", self.glare.radius, 0.001..=0.5)?;
-        within("tone_map.white", self.tone_map.white, 0.01..=1e6)?;
-        if let Some(stops) = self.tone_map.exposure {
-            within("tone_map.exposure", stops, -64.0..=64.0)?;
-        }
+        let Self { vpl_shoot, whitted, indirect, path_trace, glare, tone_map, .. } = self;
+        let groups: [&dyn Settings; 6] = [vpl_shoot, whitted, indirect, path_trace, glare, tone_map];
+        groups.into_iter().try_for_each(Settings::check)?;
+        self.own.check()?;
+        (self.method.check)(self)?;
         Ok(())
     }
 
@@ -334,14 +295,6 @@ impl RenderConfig {
     pub fn window(&self) -> [u32; 4] {
         self.crop.unwrap_or([0, 0, self.size[0], self.size[1]])
     }
-}
-
-fn within<T: PartialOrd + Display>(key: &str, value: T, range: RangeInclusive<T>) -> Result<(), ConfigError> {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    let problem = format!("{value} is not within {} … {}", range.start(), range.end());
-    Err(ConfigError::Value { key: key.into(), problem })
 }
 
 /// Every key as a path, with whether it is optional; groups come before their members.
@@ -449,13 +402,14 @@ mod tests {
     }
 
     #[test]
-    fn every_method_is_in_the_registry() {
-        let words: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
-        let registry: Vec<_> = crate::methods::REGISTRY.iter().map(|method| method.name).collect();
-        assert_eq!(words, registry);
-        for word in words {
-            assert_eq!(with(&format!("method={word}")).unwrap().method.name(), word);
+    fn every_method_is_named_by_its_word() {
+        for method in REGISTRY {
+            let config = with(&format!("method={}", method.name)).unwrap();
+            assert_eq!(config.method, *method);
+            assert_eq!(serde_json::to_value(config).unwrap()["method"], method.name);
         }
+        let error = with("method=photon").unwrap_err().to_string();
+        assert!(REGISTRY.iter().all(|method| error.contains(&format!("`{}`", method.name))), "{error}");
     }
 
     #[test]
