@@ -30,7 +30,6 @@ const KNOWN: &[&str] = &[
     "parhelion::stress::cases: filters, geometry, light, mod.rs, time, visibility",
     "parhelion::techniques: gbuffer, indirect, mod.rs, vpl_shoot",
     "parhelion::techniques::indirect: compensate, downsample, gather, glossy, interleave, mod.rs",
-    "parhelion::vk: command, device, memory",
 ];
 
 /// The graph between the modules of one folder.
