@@ -13,6 +13,7 @@ pub mod denoise;
 pub mod docs;
 #[allow(unsafe_code)]
 pub mod graph;
+mod layer;
 pub mod methods;
 pub mod metrics;
 pub mod output;

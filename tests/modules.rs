@@ -16,7 +16,6 @@ use std::path::{Path, PathBuf};
 const KNOWN: &[&str] = &[
     "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
     "parhelion: accel, scene",
-    "parhelion: denoise, renderer",
     "parhelion::accel: hardware, structure",
     "parhelion::docs: markdown, mod.rs",
     "parhelion::graph: check, decl, exec, kernel, mod.rs, place, plan",

@@ -158,7 +158,7 @@ impl Reader<'_> {
                 // A variant or an associated item.
                 (target, _) => vec![target.clone()],
             };
-            targets = targets.iter().flat_map({ step }).collect();
+            targets = targets.iter().flat_map(step).collect();
         }
         targets
     }
@@ -174,7 +174,7 @@ impl Reader<'_> {
                 Binding::Module(module) => vec![Target::Module(*module)],
                 Binding::Import(path) => self.resolve(scope, path, seen),
             };
-            return bindings.iter().flat_map({ target }).collect();
+            return bindings.iter().flat_map(target).collect();
         }
         let mut found = Vec::new();
         for glob in globs {
@@ -279,9 +279,8 @@ impl Walk<'_, '_> {
                         at += 3;
                     }
                     // Not a method, nor the end of another path.
-                    if start == 0
-                        || !is(start - 1, '.') && !(is(start - 1, ':') && start > 1 && is(start - 2, ':'))
-                    {
+                    let ends_another = start > 1 && is(start - 1, ':') && is(start - 2, ':');
+                    if !(ends_another || start > 0 && is(start - 1, '.')) {
                         self.refer(path, first.span().start().line);
                     }
                 }
