@@ -11,6 +11,7 @@ mod compile;
 pub mod config;
 pub mod denoise;
 pub mod docs;
+pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
 mod layer;

@@ -4,13 +4,13 @@
 use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
 use crate::config::{Method, RenderConfig};
 use crate::denoise::{self, Denoiser};
+use crate::gpu_scene::GpuScene;
 use crate::graph::{
     self, Desc, Executor, Graph, Image, ImageDesc, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap,
     Ticket,
 };
 use crate::methods::{self, FrameInfo, NoLayer};
 use crate::sampling::pixel_offset;
-use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Feature, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
 use crate::techniques::indirect::{IndirectConfig, Visibility};

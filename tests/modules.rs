@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 /// Circles that stand, as `folder: module, module`.
 const KNOWN: &[&str] = &[
     "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
-    "parhelion: accel, scene",
     "parhelion::accel: hardware, structure",
     "parhelion::docs: markdown, mod.rs",
     "parhelion::graph: check, decl, exec, kernel, mod.rs, place, plan",
@@ -23,8 +22,6 @@ const KNOWN: &[&str] = &[
     "parhelion::metrics: flip, mod.rs",
     "parhelion::paper: measure, mod.rs",
     "parhelion::renderer: choice, progressive, renderer.rs",
-    "parhelion::scene: builtin, environment, gltf, import, mod.rs, obj, validate",
-    "parhelion::scene::gltf: accessor, geometry, material, mod.rs",
     "parhelion::stress: cases, lab, mod.rs, picture",
     "parhelion::stress::cases: filters, geometry, light, mod.rs, time, visibility",
     "parhelion::techniques: gbuffer, indirect, mod.rs, vpl_shoot",
