@@ -15,12 +15,9 @@ use std::path::{Path, PathBuf};
 /// Circles that stand, as `folder: module, module`.
 const KNOWN: &[&str] = &[
     "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
-    "parhelion::accel: hardware, structure",
     "parhelion::docs: markdown, mod.rs",
     "parhelion::graph: check, decl, exec, kernel, mod.rs, place, plan",
     "parhelion::methods: igi, mod.rs, path",
-    "parhelion::metrics: flip, mod.rs",
-    "parhelion::paper: measure, mod.rs",
     "parhelion::renderer: choice, progressive, renderer.rs",
     "parhelion::stress: cases, lab, mod.rs, picture",
     "parhelion::stress::cases: filters, geometry, light, mod.rs, time, visibility",
