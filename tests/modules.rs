@@ -21,8 +21,6 @@ const KNOWN: &[&str] = &[
     "parhelion::renderer: choice, progressive, renderer.rs",
     "parhelion::stress: cases, lab, mod.rs, picture",
     "parhelion::stress::cases: filters, geometry, light, mod.rs, time, visibility",
-    "parhelion::techniques: gbuffer, indirect, mod.rs, vpl_shoot",
-    "parhelion::techniques::indirect: compensate, downsample, gather, glossy, interleave, mod.rs",
 ];
 
 /// The graph between the modules of one folder.
