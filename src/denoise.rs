@@ -19,7 +19,7 @@ pub use absent::Denoiser;
 #[cfg(feature = "denoise")]
 pub use oidn::Denoiser;
 
-use crate::renderer::Layer;
+use crate::layer::Layer;
 
 /// Why a picture cannot be denoised.
 #[derive(Debug, thiserror::Error)]

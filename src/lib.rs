@@ -10,8 +10,10 @@ pub mod chart;
 mod compile;
 pub mod denoise;
 pub mod docs;
+pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
+mod layer;
 pub mod methods;
 pub mod metrics;
 pub mod output;

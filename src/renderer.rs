@@ -4,13 +4,13 @@
 use crate::accel::{self, Geometry, Structure, StructureReport, software::MAX_STACK_DEPTH};
 use crate::config::RenderConfig;
 use crate::denoise::{self, Denoiser};
+use crate::gpu_scene::GpuScene;
 use crate::graph::{
     self, Desc, Executor, Graph, Image, ImageDesc, PassTime, Plan, Requirements, Res, Run, RunOptions, Tap,
     Ticket,
 };
 use crate::methods::{FrameInfo, NoLayer, Reach, VplCounts};
 use crate::sampling::pixel_offset;
-use crate::scene::gpu::GpuScene;
 use crate::scene::{Camera, Feature, Light, Scene, SceneError, SceneProfile, View};
 use crate::shaders;
 use crate::techniques::indirect::{IndirectConfig, Visibility};
@@ -26,6 +26,7 @@ use std::time::{Duration, Instant};
 mod choice;
 mod progressive;
 
+pub use crate::layer::Layer;
 pub use crate::methods::Aov;
 pub use choice::{Timing, cached_timing};
 pub use progressive::{Preview, Resume, noise};
@@ -174,19 +175,6 @@ pub struct Progress<'a> {
     pub pass: &'a str,
     /// Share of the whole render, 0 … 1.
     pub done: f64,
-}
-
-/// Numbers in rows, the top one first, channels interleaved.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    /// Pixels in a row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Numbers a pixel.
-    pub channels: usize,
-    /// `width · height · channels` numbers.
-    pub data: Vec<f32>,
 }
 
 /// What a pass took and traced.

@@ -13,10 +13,12 @@
 pub mod boxes;
 pub mod cpu;
 mod hardware;
+mod report;
 pub mod software;
 mod structure;
 
-pub use structure::{Structure, StructureReport};
+pub use report::StructureReport;
+pub use structure::Structure;
 
 use crate::scene::{AlphaMode, Scene};
 use crate::vk;

@@ -1,5 +1,5 @@
 use super::{Error, Input};
-use crate::renderer::Layer;
+use crate::layer::Layer;
 use std::path::Path;
 
 /// The library, which this build cannot load: there is none of this type.

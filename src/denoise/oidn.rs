@@ -1,7 +1,7 @@
 //! Open Image Denoise's C interface, as `oidn.h` of versions 2.0 to 2.5 declares it.
 
 use super::{Error, Input};
-use crate::renderer::Layer;
+use crate::layer::Layer;
 use libloading::Library;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};

@@ -4,62 +4,16 @@
 //! makes every result NaN. Values of other programs that the tests compare with are those of scikit-image 0.26 and
 //! flip-evaluator 1.7 (the authors' own), on a picture made by a formula.
 
+mod errors;
 mod flip;
 mod ssim;
 
+pub use errors::{Errors, errors};
 pub use flip::{FlipMap, PIXELS_PER_DEGREE, flip, flip_ldr};
 pub use ssim::{SSIM_WINDOW, ssim};
 
 /// Share of the largest terms that [`rel_mse_trimmed`] drops.
 pub const TRIMMED_SHARE: f64 = 0.001;
-
-/// Every measure of one picture against its reference.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Errors {
-    /// [`rel_mse`].
-    pub rel_mse: f64,
-    /// [`rel_mse_trimmed`].
-    pub rel_mse_trimmed: f64,
-    /// [`mape`].
-    pub mape: f64,
-    /// [`smape`].
-    pub smape: f64,
-    /// [`signed_bias`].
-    pub signed_bias: f64,
-    /// [`mse`].
-    pub mse: f64,
-    /// [`peak`] of the reference, for the next two.
-    pub peak: f64,
-    /// [`psnr`] (dB).
-    pub psnr: f64,
-    /// [`ssim`]; absent where no window of it fits the picture.
-    pub ssim: Option<f64>,
-    /// Mean of [`flip`]; absent where there are not three channels.
-    pub flip: Option<f64>,
-}
-
-/// All measures, and the map of [`flip`] where there are three channels.
-///
-/// # Panics
-/// If the slices differ in length or are not whole rows.
-#[must_use]
-pub fn errors(image: &[f32], reference: &[f32], width: usize, channels: usize) -> (Errors, Option<FlipMap>) {
-    let map = (channels == 3).then(|| flip(image, reference, width));
-    let (mse, peak) = (mse(image, reference), peak(reference));
-    let errors = Errors {
-        rel_mse: rel_mse(image, reference),
-        rel_mse_trimmed: rel_mse_trimmed(image, reference),
-        mape: mape(image, reference),
-        smape: smape(image, reference),
-        signed_bias: signed_bias(image, reference),
-        mse,
-        peak,
-        psnr: psnr(mse, peak),
-        ssim: ssim(image, reference, width, channels, peak),
-        flip: map.as_ref().map(FlipMap::mean),
-    };
-    (errors, map)
-}
 
 /// Relative error of each pixel, row by row: the mean over its channels of the roots of [`rel_mse`]'s terms.
 ///

@@ -1,6 +1,5 @@
 //! What a frame's time and picture are measured by.
 
-use super::AMPLIFICATION;
 use crate::metrics;
 use crate::renderer::{Aov, Frame, PassStats};
 use std::f32::consts::PI;
@@ -98,6 +97,9 @@ impl Layers {
         }
     }
 }
+
+/// What differences between pictures are multiplied with.
+pub const AMPLIFICATION: u8 = 8;
 
 /// |a − b| · [`AMPLIFICATION`], channel by channel, of sRGB display values; opaque.
 #[must_use]

@@ -8,7 +8,7 @@
 mod markdown;
 mod measure;
 
-pub use measure::{Component, LayerErrors, PictureError, difference};
+pub use measure::{AMPLIFICATION, Component, LayerErrors, PictureError, difference};
 
 use crate::config::{ConfigError, RenderConfig};
 use crate::renderer::{self, Aov, Frame, FrameRequest, Progress, Renderer, RendererOptions};
@@ -22,9 +22,6 @@ pub const VPLS: [u32; 3] = [180, 90, 30];
 
 /// VPLs of the reference.
 pub const REFERENCE_VPLS: u32 = 4096;
-
-/// What differences between pictures are multiplied with.
-pub const AMPLIFICATION: u8 = 8;
 
 /// Where the paper's own numbers come from, and what they are not.
 pub const PUBLISHED: &str = "Marques & Santos 2010, figures 6 and 7: frames a second on a GeForce GTX 480 at 800x600 \

@@ -1,5 +1,5 @@
-use super::validate::{Checked, MAX_IMAGE_SIDE};
-use super::{SceneError, import};
+use super::limits::{Checked, MAX_IMAGE_SIDE};
+use super::{SceneError, file};
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -39,7 +39,7 @@ impl Environment {
     /// [`MAX_ENVIRONMENT_TEXELS`], and the first one that is negative or not finite.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
         let fail = |problem: String| SceneError::new(path, "environment", problem);
-        let bytes = import::read_file(path).map_err(fail)?;
+        let bytes = file::read_file(path).map_err(fail)?;
         let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
         let (width, height, texels) = match extension.as_deref() {
             Some("exr") => read_exr(&bytes),

@@ -292,3 +292,8 @@ pub struct Image {
     /// `width * height` texels.
     pub texels: Vec<[u8; 4]>,
 }
+
+/// Linear value of an sRGB-encoded one in [0, 1] (IEC 61966-2-1).
+pub(crate) fn srgb_to_linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}

@@ -16,12 +16,12 @@
 //!
 //! All else in a material, `Tf` and other maps among it, is left out.
 
-use super::import;
-use super::validate::{MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
+use super::limits::{MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
 use super::{
     AlphaMode, Image, Instance, LoadOptions, Material, Mesh, Scene, SceneError, TextureRef, TextureTransform,
     Volume, Wrap,
 };
+use super::{file, import};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
@@ -66,7 +66,7 @@ impl From<SceneError> for Defect {
 }
 
 fn read_text(path: &Path) -> Result<String, SceneError> {
-    let bytes = import::read_file(path).map_err(|problem| SceneError::new(path, "file", problem))?;
+    let bytes = file::read_file(path).map_err(|problem| SceneError::new(path, "file", problem))?;
     // Names may be in any encoding; what is not UTF-8 matters to nobody but them.
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
@@ -303,7 +303,7 @@ impl<'a> Reader<'a> {
     /// One file whose name may hold spaces, or several.
     fn libraries(&mut self, names: &str) -> Result<(), Defect> {
         let names = names.replace('\\', "/");
-        if import::beside(self.path, &names)?.exists() {
+        if file::beside(self.path, &names)?.exists() {
             return self.library(&names);
         }
         names.split_whitespace().try_for_each(|name| self.library(name))
@@ -313,7 +313,7 @@ impl<'a> Reader<'a> {
         if !self.libraries.insert(name.to_owned()) {
             return Ok(());
         }
-        let path = import::beside(self.path, name)?;
+        let path = file::beside(self.path, name)?;
         if !path.exists() {
             return Err(Defect::Here(format!("`{name}` is not there")));
         }
@@ -363,10 +363,9 @@ impl<'a> Reader<'a> {
         let image = match self.images.get(&map.file) {
             Some(&image) => image,
             None => {
-                let path = import::beside(self.path, &map.file)?;
-                let read = || -> Result<Image, String> {
-                    import::decode_image(&map.file, &import::read_file(&path)?)
-                };
+                let path = file::beside(self.path, &map.file)?;
+                let read =
+                    || -> Result<Image, String> { file::decode_image(&map.file, &file::read_file(&path)?) };
                 self.scene.images.push(read().map_err(|problem| format!("`{}` {problem}", map.file))?);
                 if self.scene.images.iter().map(|image| image.texels.len()).sum::<usize>() > MAX_TEXELS {
                     return Err(format!("more than {MAX_TEXELS} texels up to here"));

@@ -1,26 +1,12 @@
 //! The ranges a scene's values must keep, for files and for scenes made in code alike.
 
+use super::limits::{Checked, MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
 use super::{
     AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
 };
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
-
-/// Most triangles a scene may have, each instance counted.
-pub const MAX_TRIANGLES: usize = 1 << 28;
-/// Most vertices of all meshes together.
-pub const MAX_VERTICES: usize = 1 << 28;
-/// Largest side of an image (texels).
-pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
-/// Most texels of all images together.
-pub const MAX_TEXELS: usize = 1 << 29;
-/// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
-/// and lights may be ten times as far.
-pub const MAX_COORDINATE: f32 = 1e9;
-
-/// `Err(problem)`; the caller knows which element it concerns.
-pub(super) type Checked = Result<(), String>;
 
 fn within(what: &str, value: f32, low: f32, high: f32) -> Checked {
     if (low..=high).contains(&value) && value.is_finite() {

@@ -1,8 +1,31 @@
-//! The scene as a whole, in the world: triangles, extent, and the camera and light it gets where it has none.
+//! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
-use super::{Camera, Light, LightKind, Scene};
+use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh};
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_4, PI};
+
+/// A scene as loaded or made in code. Indices between its parts are checked by [`Scene::validate`].
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// File stem or `builtin:` name; used for default output names.
+    pub name: String,
+    /// Geometry in object space.
+    pub meshes: Vec<Mesh>,
+    /// Placements of meshes in the world.
+    pub instances: Vec<Instance>,
+    /// Materials that meshes' triangles name.
+    pub materials: Vec<Material>,
+    /// Texel data that materials' textures name.
+    pub images: Vec<Image>,
+    /// Light sources other than emissive surfaces.
+    pub lights: Vec<Light>,
+    /// Light from infinitely far around.
+    pub environment: Option<Environment>,
+    /// Cameras in file order.
+    pub cameras: Vec<Camera>,
+    /// What the loader left out or assumed, one sentence each, to be shown once.
+    pub notes: Vec<String>,
+}
 
 impl Scene {
     /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order. In a mirroring

@@ -14,7 +14,6 @@ pub mod whitted;
 use crate::accel::software::MAX_STACK_DEPTH;
 use crate::scene::{Feature, SceneProfile};
 use crate::shaders::SceneSpec;
-use indirect::{IndirectConfig, Visibility};
 
 /// The kernels of all techniques, specialised to what a scene needs.
 #[derive(Clone, Debug)]
@@ -65,19 +64,9 @@ impl Kernels {
             alpha_blend: profile.alpha_blend,
             emissive_triangles: profile.emission,
             environment: profile.environment,
-            glossy: false,
             stack_depth,
-            visibility: Visibility::Exact as u32,
+            ..SceneSpec::default()
         }
-    }
-
-    /// The kernels for the visibility of VPLs and the lobes that are asked for.
-    #[must_use]
-    pub fn with_indirect(mut self, config: &IndirectConfig) -> Self {
-        self.scene.visibility = config.visibility as u32;
-        let profile = &self.profile;
-        self.scene.glossy = config.glossy && (profile.rough_lobes || profile.clearcoat || profile.polished);
-        self
     }
 
     /// The constants themselves.
@@ -142,6 +131,7 @@ pub(crate) const COUNTER_LANES: usize = 256;
 
 #[cfg(test)]
 mod tests {
+    use super::indirect::IndirectConfig;
     use super::*;
 
     /// A constant that no feature turns on would be left out of the general pipeline.

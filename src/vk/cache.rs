@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::DeviceInfo;
-use super::device::Limits;
+use super::select::Limits;
 
 const MAGIC: &[u8; 8] = b"PHLPIPE1";
 /// Magic, checksum, length.

@@ -10,26 +10,38 @@
 //! names alive until its [`Submission`] has been waited for; dropping a `Submission` waits.
 
 pub(crate) mod accel;
+mod allocator;
+mod buffer;
 mod cache;
 mod command;
 mod debug;
 mod device;
 mod error;
+mod format;
+mod heap;
+mod image;
+mod instance;
 mod kernel;
-mod memory;
 mod pipeline;
+mod probe;
+mod queue;
 mod select;
 #[cfg(test)]
 mod tests;
+mod transfer;
 
 pub use accel::AccelerationStructure;
+pub use allocator::{MemoryKind, MemoryReport, Requirements};
+pub use buffer::Buffer;
 pub use cache::cache_folder;
 pub use command::{CommandBuffer, Submission, TimestampPool};
 pub use debug::ValidationLog;
-pub use device::{Device, DeviceOptions, enumerate};
+pub use device::{Device, DeviceOptions};
 pub use error::Error;
+pub use heap::Heap;
+pub(crate) use image::COLOR_RANGE;
+pub use image::Image;
 pub use kernel::{Access, Backend, Binding, BindingKind, Format, KernelCode, Modules, ParamMember};
-pub(crate) use memory::COLOR_RANGE;
-pub use memory::{Buffer, Heap, Image, MemoryKind, MemoryReport, Requirements};
 pub use pipeline::{Pipeline, Pipelines, SceneSet};
+pub use probe::enumerate;
 pub use select::{DeviceInfo, DeviceKind};

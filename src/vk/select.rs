@@ -1,5 +1,7 @@
 //! What there is to know about a device, and which one to take.
 
+use ash::vk;
+
 use super::Error;
 
 /// What sort of device it is.
@@ -79,6 +81,21 @@ impl DeviceInfo {
     fn summary(&self) -> String {
         format!("{}: {} ({})", self.index, self.name, self.uuid)
     }
+}
+
+/// Limits the library needs beyond those in [`DeviceInfo`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limits {
+    pub(super) properties: vk::PhysicalDeviceLimits,
+    pub(super) memory: vk::PhysicalDeviceMemoryProperties,
+    pub(super) pipeline_cache_uuid: [u8; 16],
+    pub(super) max_allocation: u64,
+    pub(super) max_push_descriptors: u32,
+    pub(super) timestamp_bits: u32,
+    pub(super) max_geometries: u64,
+    pub(super) max_instances: u64,
+    pub(super) max_primitives: u64,
+    pub(super) scratch_alignment: u64,
 }
 
 /// Rank of a device. Kind comes first, so that every GPU is before every CPU; ray query is next, memory in GiB

@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::memory::COLOR_RANGE;
+use super::image::COLOR_RANGE;
 use super::{Device, DeviceOptions, Error, Format, Image, MemoryKind, TimestampPool};
 use crate::common;
 

@@ -1,6 +1,6 @@
 //! Checked reading of accessors: every byte is proven to lie in its buffer before anything is allocated.
 
-use super::Context;
+use super::context::Context;
 use crate::scene::SceneError;
 use ::gltf::json::accessor::{Accessor, ComponentType, Type};
 use ::gltf::json::validation::Checked;

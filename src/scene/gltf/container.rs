@@ -1,6 +1,6 @@
 //! Bytes of a glTF asset: the .glb container, and URIs of buffers and images.
 
-use crate::scene::{SceneError, import};
+use crate::scene::{SceneError, file};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -78,8 +78,8 @@ pub(super) fn fetch(scene: &Path, uri: &str) -> Result<Vec<u8>, String> {
     }
     let decoded = String::from_utf8(percent_decoded(uri)?.into_owned())
         .map_err(|_| "its URI is not UTF-8".to_owned())?;
-    let path = import::beside(scene, &decoded)?;
-    import::read_file(&path).map_err(|problem| format!("`{decoded}` {problem}"))
+    let path = file::beside(scene, &decoded)?;
+    file::read_file(&path).map_err(|problem| format!("`{decoded}` {problem}"))
 }
 
 fn percent_decoded(text: &str) -> Result<Cow<'_, [u8]>, String> {

@@ -1,9 +1,9 @@
 //! Meshes: triangle primitives merged into one [`Mesh`], in the pose their default weights give.
 
-use super::Context;
 use super::accessor::Elements;
+use super::context::Context;
 use crate::scene::import::unit_normal;
-use crate::scene::validate::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::scene::limits::{MAX_TRIANGLES, MAX_VERTICES};
 use crate::scene::{Mesh, SceneError};
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};

@@ -1,8 +1,9 @@
 //! Materials, textures and images. Occlusion textures are left out: occlusion is computed.
 
-use super::{Context, container};
-use crate::scene::import::decode_image;
-use crate::scene::validate::MAX_TEXELS;
+use super::container;
+use super::context::Context;
+use crate::scene::file::decode_image;
+use crate::scene::limits::MAX_TEXELS;
 use crate::scene::{
     AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
     TextureTransform, Volume, Wrap,

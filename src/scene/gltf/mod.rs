@@ -5,15 +5,17 @@
 
 mod accessor;
 mod container;
+mod context;
 mod geometry;
 mod material;
 
-use super::import;
 use super::{AlphaMode, Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
+use super::{file, import};
 use ::gltf::json;
 use ::gltf::json::deserialize::from_slice;
 use ::gltf::json::extensions::scene::khr_lights_punctual;
 use ::gltf::json::validation::{Checked, Error, Validate};
+use context::Context;
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
 use std::borrow::Cow;
@@ -34,28 +36,12 @@ pub const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// A file being read.
-struct Context<'a> {
-    file: &'a Path,
-    root: &'a json::Root,
-    /// Data of each buffer, as long as it declares; none where it has no URI.
-    buffers: &'a [Option<Cow<'a, [u8]>>],
-    /// Vertex attributes may have the types of `KHR_mesh_quantization`.
-    quantized: bool,
-}
-
-impl Context<'_> {
-    fn error(&self, element: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::new(self.file, element, problem)
-    }
-}
-
 /// Loads a `.gltf` or `.glb` file.
 ///
 /// # Errors
 /// [`SceneError`] names the file, the element and the defect.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let bytes = import::read_file(path).map_err(|problem| SceneError::new(path, "file", problem))?;
+    let bytes = file::read_file(path).map_err(|problem| SceneError::new(path, "file", problem))?;
     read(path, &bytes, options)
 }
 

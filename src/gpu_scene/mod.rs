@@ -1,9 +1,11 @@
 //! A scene's shading data on a device: what `glsl/lib/surface.glsl` and `glsl/lib/lights.glsl` read.
 
-use super::emitter::{self, Emitter, EnvironmentTable};
-use super::material::TextureUse;
-use super::{AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, TextureRef, Wrap};
+mod emitter;
+
 use crate::accel::Geometry;
+use crate::scene::{
+    AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, TextureRef, TextureUse, Wrap,
+};
 use crate::shaders::{
     self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
     MATERIAL_DOUBLE_SIDED, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE, SceneData, TEXTURE_NEAREST,
@@ -11,6 +13,7 @@ use crate::shaders::{
     TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
 };
 use crate::vk;
+use emitter::{Emitter, EnvironmentTable};
 use glam::{Mat3, Mat3A, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 

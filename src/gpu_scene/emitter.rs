@@ -1,9 +1,8 @@
 //! What light is chosen by: the power of emissive triangles and of the environment, in 64 bits.
 
-use super::import::srgb_to_linear;
-use super::{Environment, Filter, Image, Material, Scene, TextureRef, Wrap};
 use crate::accel::Geometry;
 use crate::sampling::halton;
+use crate::scene::{Environment, Filter, Image, Material, Scene, TextureRef, Wrap, srgb_to_linear};
 use crate::shaders::LightChoice;
 use glam::{DVec3, Vec2};
 use std::f64::consts::PI;

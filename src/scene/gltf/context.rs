@@ -1,0 +1,20 @@
+use crate::scene::SceneError;
+use ::gltf::json;
+use std::borrow::Cow;
+use std::path::Path;
+
+/// A file being read.
+pub(super) struct Context<'a> {
+    pub(super) file: &'a Path,
+    pub(super) root: &'a json::Root,
+    /// Data of each buffer, as long as it declares; none where it has no URI.
+    pub(super) buffers: &'a [Option<Cow<'a, [u8]>>],
+    /// Vertex attributes may have the types of `KHR_mesh_quantization`.
+    pub(super) quantized: bool,
+}
+
+impl Context<'_> {
+    pub(super) fn error(&self, element: impl Into<String>, problem: impl Into<String>) -> SceneError {
+        SceneError::new(self.file, element, problem)
+    }
+}

@@ -1,0 +1,16 @@
+//! How large a scene may be.
+
+/// Most triangles a scene may have, each instance counted.
+pub const MAX_TRIANGLES: usize = 1 << 28;
+/// Most vertices of all meshes together.
+pub const MAX_VERTICES: usize = 1 << 28;
+/// Largest side of an image (texels).
+pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
+/// Most texels of all images together.
+pub const MAX_TEXELS: usize = 1 << 29;
+/// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
+/// and lights may be ten times as far.
+pub const MAX_COORDINATE: f32 = 1e9;
+
+/// `Err(problem)`; the caller knows which element it concerns.
+pub(super) type Checked = Result<(), String>;
