@@ -79,5 +79,5 @@ void main() {
         if (CONTINUES) irradiance = imageLoad(sum, index).rgb + irradiance;
         imageStore(out_irradiance, index, vec4(irradiance, 1.0));
     }
-    count_rays(COUNT_GATHER, rays);
+    count_rays(rays);
 }

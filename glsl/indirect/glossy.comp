@@ -57,5 +57,5 @@ void main() {
         if (CONTINUES) radiance = imageLoad(before, pixel).rgb + radiance;
         imageStore(out_radiance, pixel, vec4(radiance, 1.0));
     }
-    count_rays(COUNT_GLOSSY, rays);
+    count_rays(rays);
 }

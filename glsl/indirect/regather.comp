@@ -51,5 +51,5 @@ void main() {
         for (uint i = 0u; i < PARTS; ++i) sum += parts[i][column];
         imageStore(irradiance, pixel, vec4(sum, 1.0));
     }
-    count_rays(COUNT_REGATHER, rays);
+    count_rays(rays);
 }

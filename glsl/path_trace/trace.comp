@@ -243,5 +243,5 @@ void main() {
         imageStore(half_a, pixel, a);
         imageStore(half_b, pixel, b);
     }
-    count_rays(COUNT_PATH_TRACE, rays);
+    count_rays(rays);
 }

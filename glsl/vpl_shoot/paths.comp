@@ -147,5 +147,5 @@ void main() {
         }
     }
     for (; bounce < params.bounces; ++bounce) slots.data[path * params.bounces + bounce] = gap;
-    count_rays(COUNT_VPL_SHOOT, rays);
+    count_rays(rays);
 }

@@ -83,5 +83,5 @@ void main() {
     }
     if (CONTINUES) radiance = imageLoad(before, pixel).rgb + radiance;
     imageStore(out_radiance, pixel, vec4(radiance, 1.0));
-    count_rays(COUNT_DIRECT, rays);
+    count_rays(rays);
 }

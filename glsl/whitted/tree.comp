@@ -130,5 +130,5 @@ void main() {
     }
     imageStore(out_emitted, pixel, vec4(radiance, 1.0));
     imageStore(out_last, pixel, uvec4(last));
-    count_rays(COUNT_SPECULAR_TREE, rays);
+    count_rays(rays);
 }
