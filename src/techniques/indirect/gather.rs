@@ -22,7 +22,7 @@ pub(super) fn gather(g: &mut Graph, s: &Scope<'_>, grid: &SampleGrid) -> Res<Ima
             vpls: s.vpls.list,
             count: s.vpls.count,
             // Unread by the first range, which has nothing to continue.
-            sum: sum.unwrap_or(s.gbuffer.albedo),
+            before: sum.unwrap_or(s.gbuffer.albedo),
             out_irradiance: out,
         };
         let spec = kernel::Spec {
