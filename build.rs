@@ -15,7 +15,7 @@ mod vk {
 
 use kernel::{Access, BindingKind};
 use reflect::{Reflection, SpecConstant, Structure};
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -24,6 +24,10 @@ use std::path::{Path, PathBuf};
 /// Specialization constants from this id on describe the scene and are shared by all kernels.
 const FIRST_SCENE_CONSTANT: u32 = 100;
 const TRACE_INTERFACE: &str = "trace/trace.glsl";
+/// Includes whose constants Rust has, too.
+const SHARED: [&str; 2] = ["shared/types.glsl", "lib/counters.glsl"];
+/// A kernel that includes this counts its rays.
+const COUNTER_INTERFACE: &str = "lib/counters.glsl";
 
 struct Kernel {
     reflection: Reflection,
@@ -43,10 +47,11 @@ fn main() {
 
     let compiler = shaderc::Compiler::new().expect("shaderc starts");
     let mut kernels = BTreeMap::new();
+    let mut counters = Vec::new();
     let mut failed = false;
     for path in sources.iter().filter(|path| path.extension().is_some_and(|e| e == "comp")) {
         let name = relative(&root, path).trim_end_matches(".comp").to_owned();
-        match build_kernel(&compiler, &root, path) {
+        match build_kernel(&compiler, &root, path, &name, &mut counters) {
             Ok(kernel) => drop(kernels.insert(name, kernel)),
             Err(errors) => {
                 failed = true;
@@ -57,7 +62,7 @@ fn main() {
     if failed {
         std::process::exit(1);
     }
-    let code = match generate(&root, &sources, &kernels) {
+    let code = match generate(&root, &sources, &kernels, &counters) {
         Ok(code) => code,
         Err(error) => {
             println!("cargo::error={error}");
@@ -83,37 +88,58 @@ fn relative(root: &Path, path: &Path) -> String {
     path.strip_prefix(root).unwrap().to_str().expect("file names are UTF-8").replace('\\', "/")
 }
 
-fn build_kernel(compiler: &shaderc::Compiler, root: &Path, path: &Path) -> Result<Kernel, String> {
-    let software = Some("TRACE_SOFTWARE");
-    let (names, traces) = compile(compiler, root, path, software, shaderc::OptimizationLevel::Zero)?;
+/// What an unoptimised build includes.
+#[derive(Clone, Copy, Default)]
+struct Includes {
+    traces: bool,
+    counts: bool,
+}
+
+/// `counters` are the kernels before it that count their rays.
+fn build_kernel(
+    compiler: &shaderc::Compiler,
+    root: &Path,
+    path: &Path,
+    name: &str,
+    counters: &mut Vec<String>,
+) -> Result<Kernel, String> {
+    let counter = counters.len().to_string();
+    let compile = |backend, level| {
+        compile(compiler, root, path, &[(backend, "1"), ("RAY_COUNTER", &format!("{counter}u"))], level)
+    };
+    let (names, includes) = compile("TRACE_SOFTWARE", shaderc::OptimizationLevel::Zero)?;
     let reflection = reflect::reflect(&names).map_err(|error| format!("{}: {error}", path.display()))?;
     let fast = shaderc::OptimizationLevel::Performance;
-    let (plain, _) = compile(compiler, root, path, software, fast)?;
-    let ray_query = traces
-        .then(|| compile(compiler, root, path, Some("TRACE_RAY_QUERY"), fast).map(|(words, _)| words))
-        .transpose()?;
+    let (plain, _) = compile("TRACE_SOFTWARE", fast)?;
+    let ray_query =
+        includes.traces.then(|| compile("TRACE_RAY_QUERY", fast).map(|(words, _)| words)).transpose()?;
+    // Those of tests count in cells of their own.
+    if includes.counts && !name.starts_with("test/") {
+        counters.push(name.to_owned());
+    }
     Ok(Kernel { reflection, plain, ray_query })
 }
 
-/// Returns the module and whether it includes the tracing interface.
 fn compile(
     compiler: &shaderc::Compiler,
     root: &Path,
     path: &Path,
-    define: Option<&str>,
+    defines: &[(&str, &str)],
     level: shaderc::OptimizationLevel,
-) -> Result<(Vec<u32>, bool), String> {
-    let traces = RefCell::new(false);
+) -> Result<(Vec<u32>, Includes), String> {
+    let includes = Cell::new(Includes::default());
     let source = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut options = shaderc::CompileOptions::new().expect("shaderc starts");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(level);
     options.set_warnings_as_errors();
-    if let Some(define) = define {
-        options.add_macro_definition(define, Some("1"));
+    for (name, value) in defines {
+        options.add_macro_definition(name, Some(value));
     }
     options.set_include_callback(|name, _, _, _| {
-        *traces.borrow_mut() |= name == TRACE_INTERFACE;
+        let Includes { traces, counts } = includes.get();
+        let (traces, counts) = (traces || name == TRACE_INTERFACE, counts || name == COUNTER_INTERFACE);
+        includes.set(Includes { traces, counts });
         let path = root.join(name);
         let content = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
@@ -122,11 +148,15 @@ fn compile(
     let artifact = compiler
         .compile_into_spirv(&source, shaderc::ShaderKind::Compute, &name, "main", Some(&options))
         .map_err(|error| error.to_string())?;
-    let traces = *traces.borrow();
-    Ok((artifact.as_binary().to_vec(), traces))
+    Ok((artifact.as_binary().to_vec(), includes.get()))
 }
 
-fn generate(root: &Path, sources: &[PathBuf], kernels: &BTreeMap<String, Kernel>) -> Result<String, String> {
+fn generate(
+    root: &Path,
+    sources: &[PathBuf],
+    kernels: &BTreeMap<String, Kernel>,
+    counters: &[String],
+) -> Result<String, String> {
     let mut code = String::new();
     let mut structures: BTreeMap<&str, (&str, &Structure)> = BTreeMap::new();
     let mut scene: BTreeMap<u32, (&str, &SpecConstant)> = BTreeMap::new();
@@ -153,6 +183,8 @@ fn generate(root: &Path, sources: &[PathBuf], kernels: &BTreeMap<String, Kernel>
     for (name, value) in shared_constants(root)? {
         writeln!(code, "/// `{name}` in GLSL.\npub const {name}: u32 = {value};").unwrap();
     }
+    code.push_str("/// Passes that count their rays, by kernel, in the order of the cells they count in.\n");
+    writeln!(code, "pub const RAY_COUNTERS: [&str; {}] = {counters:?};", counters.len()).unwrap();
     let constants: Vec<_> = scene.values().map(|(_, constant)| *constant).collect();
     let doc = "What the scene needs of every kernel: specialization constants shared by all.";
     write_spec(&mut code, "SceneSpec", doc, &constants);
@@ -191,9 +223,8 @@ fn generate(root: &Path, sources: &[PathBuf], kernels: &BTreeMap<String, Kernel>
     Ok(code)
 }
 
-/// Constants that shared structures are filled with: each `const uint NAME = VALUE;` of shared/types.glsl.
+/// Each `const uint NAME = VALUE;` of the includes that Rust shares the meaning of.
 fn shared_constants(root: &Path) -> Result<Vec<(String, u32)>, String> {
-    let text = fs::read_to_string(root.join("shared/types.glsl")).map_err(|error| error.to_string())?;
     let constant = |line: &str| {
         let (name, rest) = line.split_once(" = ")?;
         let digits = rest.split_once("u;")?.0;
@@ -203,8 +234,14 @@ fn shared_constants(root: &Path) -> Result<Vec<(String, u32)>, String> {
         };
         Some((name.to_owned(), value.ok()?))
     };
-    let lines = text.lines().filter_map(|line| line.strip_prefix("const uint "));
-    lines.map(|line| constant(line).ok_or(format!("shared/types.glsl: `{line}` is not a number"))).collect()
+    let mut constants = Vec::new();
+    for include in SHARED {
+        let text = fs::read_to_string(root.join(include)).map_err(|error| error.to_string())?;
+        for line in text.lines().filter_map(|line| line.strip_prefix("const uint ")) {
+            constants.push(constant(line).ok_or(format!("{include}: `{line}` is not a number"))?);
+        }
+    }
+    Ok(constants)
 }
 
 fn rust_type(glsl: &str) -> Result<String, String> {

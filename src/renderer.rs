@@ -12,9 +12,9 @@ use crate::graph::{
 use crate::methods::{FrameInfo, NoLayer, Reach, VplCounts};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Feature, Light, Scene, SceneError, SceneProfile, View};
-use crate::shaders;
+use crate::shaders::{self, COUNTER_LANES, RAY_COUNTERS};
 use crate::techniques::indirect::{IndirectConfig, Visibility};
-use crate::techniques::{COUNTER_LANES, Kernels, RAY_COUNTERS, compose, glare, tone_map};
+use crate::techniques::{Kernels, compose, glare, tone_map};
 use crate::vk::{self, DeviceKind, MemoryKind};
 use crate::vk::{Backend, Format};
 use glam::Vec2;
@@ -619,13 +619,14 @@ impl Renderer {
     }
 
     fn counters(&self) -> Result<vk::Buffer, Error> {
-        Ok(self.device.upload("ray_counters", &vec![0; RAY_COUNTERS.len() * COUNTER_LANES * 4])?)
+        Ok(self.device.upload("ray_counters", &vec![0; RAY_COUNTERS.len() * COUNTER_LANES as usize * 8])?)
     }
 
     fn rays(&self, counters: &vk::Buffer) -> Result<HashMap<&'static str, u64>, Error> {
         let bytes = self.device.download(counters)?;
-        let cells: &[u32] = bytemuck::cast_slice(&bytes);
-        let sums = cells.chunks(COUNTER_LANES).map(|lanes| lanes.iter().map(|&n| u64::from(n)).sum());
+        let lanes = bytes.chunks_exact(8 * COUNTER_LANES as usize);
+        let count = |cell: &[u8]| u64::from_le_bytes(std::array::from_fn(|i| cell[i]));
+        let sums = lanes.map(|lanes| lanes.chunks_exact(8).map(count).sum());
         Ok(RAY_COUNTERS.into_iter().zip(sums).collect())
     }
 

@@ -30,5 +30,5 @@ void main() {
     }
     imageStore(out_hits, pixel, pack_hit(hit));
     imageStore(out_albedo, pixel, vec4(albedo, specular));
-    count_rays(COUNT_GBUFFER, 1u);
+    count_rays(1u);
 }

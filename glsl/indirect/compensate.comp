@@ -33,5 +33,5 @@ void main() {
     }
     sum = imageLoad(irradiance, index).rgb + sum / float(params.paths);
     imageStore(irradiance, index, vec4(sum, 1.0));
-    count_rays(COUNT_COMPENSATE, rays);
+    count_rays(rays);
 }

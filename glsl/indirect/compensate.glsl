@@ -5,11 +5,9 @@
 #ifndef INDIRECT_COMPENSATE_GLSL
 #define INDIRECT_COMPENSATE_GLSL
 
-#include "indirect/gather.glsl"
+#include "indirect/vpls.glsl"
 #include "lib/fresnel.glsl"
 #include "lib/lights.glsl"
-#include "lib/receiver.glsl"
-#include "trace/trace.glsl"
 
 // Sample sets of a path: a vertex takes three.
 const uint SET_DIRECTION = 0u;
@@ -31,20 +29,17 @@ vec3 arriving_light(Receiver x, vec3 u, inout uint rays) {
     if (!sample_light(from, u, light) || dot(x.geometric_normal, light.direction) <= 0.0) return vec3(0.0);
     float cosine = dot(x.normal, light.direction);
     if (cosine <= 0.0) return vec3(0.0);
-    ++rays;
-    return trace_any(from, light.direction, 0.0, light.distance) ? vec3(0.0) : cosine * light.radiance_over_pdf;
+    return shadowed(cosine * light.radiance_over_pdf, visibility(from, light.direction, light.distance, false, rays));
 }
 
 // The same from one VPL of those that `bounces` diffuse hits at most have left.
 vec3 arriving_vpl(Receiver x, float u, uint bounces, float min_distance, inout uint rays) {
     if (count.vpls == 0u) return vec3(0.0);
-    Vpl vpl = vpls.data[min(uint(u * float(count.vpls)), count.vpls - 1u)];
-    if (vpl.bounce >= bounces) return vec3(0.0);
-    vec3 arriving = unshadowed(vpl, x, min_distance);
-    if (arriving == vec3(0.0)) return arriving;
-    ++rays;
-    vec3 from = offset_origin(vpl.position, vpl.normal), to = offset_origin(x.position, x.geometric_normal);
-    return trace_any(from, to - from, 0.0, 1.0) ? vec3(0.0) : float(count.vpls) * arriving;
+    uint k = min(uint(u * float(count.vpls)), count.vpls - 1u);
+    if (vpls.data[k].bounce >= bounces) return vec3(0.0);
+    Connection c = connect_vpl(k, x, offset_origin(x.position, x.geometric_normal), min_distance);
+    if (c.light == vec3(0.0)) return vec3(0.0);
+    return shadowed(float(count.vpls) * c.light, visibility(c.from, c.to, rays));
 }
 
 // W/m² at the receiver by path `i`, of at most `vertices` beyond it.
@@ -63,7 +58,7 @@ vec3 lost_light(Receiver x, uint i, uint seed, uint vertices, float min_distance
         if (is_glass(surface.material)) break;
         face(surface, -direction);
         float d = distance(x.position, surface.position);
-        throughput *= diffuse_albedo(surface.material) * (1.0 - smooth_step(0.8 * min_distance, 1.2 * min_distance, d));
+        throughput *= diffuse_albedo(surface.material) * (1.0 - bounded(d, min_distance));
         if (throughput == vec3(0.0)) break;
         x = receiver_at(surface);
         vec2 choice = sobol(i, hash(set + SET_CHOICE));

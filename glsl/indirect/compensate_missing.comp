@@ -44,5 +44,5 @@ void main() {
         sum = imageLoad(irradiance, pixel).rgb + sum / float(params.paths);
         imageStore(irradiance, pixel, vec4(sum, 1.0));
     }
-    count_rays(COUNT_COMPENSATE, rays);
+    count_rays(rays);
 }

@@ -1,14 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Radiance of primary hits by their glossy lobes from a range of all VPLs. Added to `before` from the second range on.
+// Radiance of primary hits by their glossy lobes from a range of all VPLs, added to what ranges before have left there.
 // Lobes narrow what a filter could take from neighbours: every pixel has its own. Threads share VPLs as in gather.comp.
 layout(local_size_x = 8, local_size_y = 4, local_size_z = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "indirect/glossy.glsl"
-#include "lib/glossy.glsl"
-#include "indirect/visibility.glsl"
-#include "trace/trace.glsl"
 
 layout(constant_id = 0) const bool CONTINUES = false;
 
@@ -18,6 +14,8 @@ layout(set = 1, binding = 2, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 3, rgba32f) uniform readonly image2D before;
 layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_radiance;
 layout(push_constant, scalar) uniform Params { uint first; uint last; float min_distance; } params;
+
+#include "indirect/vpls.glsl"
 
 const uint PARTS = gl_WorkGroupSize.z;
 shared vec3 parts[PARTS][gl_WorkGroupSize.y][gl_WorkGroupSize.x];
@@ -35,19 +33,8 @@ void main() {
         vec3 to_viewer = direction_to_camera(surface.position);
         bool front = face(surface, to_viewer);
         GlossySurface g = glossy_surface(surface, front, to_viewer);
-        vec3 target = offset_origin(surface.position, surface.geometric_normal);
-        uint last = has_glossy_lobe(g) ? min(params.last, count.vpls) : 0u;
-        for (uint k = params.first + local.z; k < last; k += PARTS) {
-            Vpl vpl = vpls.data[k];
-            vec3 direction;
-            vec3 arriving = perpendicular(vpl, surface.position, params.min_distance, direction);
-            if (arriving == vec3(0.0)) continue;
-            arriving *= scattered(g, direction, LOBE_GLOSSY);
-            if (arriving == vec3(0.0)) continue;
-            ++rays;
-            vec3 origin = offset_origin(vpl.position, vpl.normal);
-            if (!occluded(origin, target)) radiance += arriving;
-        }
+        Walk walk = Walk(params.first + local.z, has_glossy_lobe(g) ? min(params.last, count.vpls) : 0u, PARTS);
+        radiance = radiance_from_vpls(walk, g, LOBE_GLOSSY, params.min_distance, rays);
     }
     parts[local.z][local.y][local.x] = radiance;
     barrier();
@@ -57,5 +44,5 @@ void main() {
         if (CONTINUES) radiance = imageLoad(before, pixel).rgb + radiance;
         imageStore(out_radiance, pixel, vec4(radiance, 1.0));
     }
-    count_rays(COUNT_GLOSSY, rays);
+    count_rays(rays);
 }

@@ -6,9 +6,6 @@ const uint REGATHER_PIXELS = 4u; // as in missing.glsl
 layout(local_size_x = REGATHER_PIXELS, local_size_y = 64) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "indirect/gather.glsl"
-#include "indirect/visibility.glsl"
-#include "trace/trace.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
@@ -17,6 +14,8 @@ layout(set = 1, binding = 3, scalar) readonly buffer List { uint pixels[]; } lis
 layout(set = 1, binding = 4, scalar) readonly buffer Args { uint groups; uint y; uint z; uint count; } args;
 layout(set = 1, binding = 5, rgba32f) uniform image2D irradiance;
 layout(push_constant, scalar) uniform Params { uint first; uint last; float min_distance; } params;
+
+#include "indirect/vpls.glsl"
 
 const uint PARTS = gl_WorkGroupSize.y;
 shared vec3 parts[PARTS][REGATHER_PIXELS];
@@ -32,18 +31,8 @@ void main() {
         Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
         face(surface, direction_to_camera(surface.position));
         Receiver x = receiver_at(surface);
-        vec3 target = offset_origin(x.position, x.geometric_normal);
-        vec3 sum = vec3(0.0);
-        uint last = min(params.last, count.vpls);
-        for (uint k = params.first + part; k < last; k += PARTS) {
-            Vpl vpl = vpls.data[k];
-            vec3 arriving = unshadowed(vpl, x, params.min_distance);
-            if (arriving == vec3(0.0)) continue;
-            ++rays;
-            vec3 origin = offset_origin(vpl.position, vpl.normal);
-            if (!occluded(origin, target)) sum += arriving;
-        }
-        parts[part][column] = sum;
+        Walk walk = Walk(params.first + part, min(params.last, count.vpls), PARTS);
+        parts[part][column] = irradiance_from_vpls(walk, x, params.min_distance, rays);
     }
     barrier();
     if (inside && part == 0u) {
@@ -51,5 +40,5 @@ void main() {
         for (uint i = 0u; i < PARTS; ++i) sum += parts[i][column];
         imageStore(irradiance, pixel, vec4(sum, 1.0));
     }
-    count_rays(COUNT_REGATHER, rays);
+    count_rays(rays);
 }

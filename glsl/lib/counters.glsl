@@ -1,25 +1,19 @@
-// Rays traced, by kernel; only where the host gave an array to count in. Twin: techniques::RAY_COUNTERS.
+// Rays traced, by kernel; only where the host gave an array to count in. A kernel that includes this is a counter of
+// shaders::RAY_COUNTERS, of which build.rs gives it the index as RAY_COUNTER.
 #ifndef LIB_COUNTERS_GLSL
 #define LIB_COUNTERS_GLSL
 
 #include "shared/scene.glsl"
 
-const uint COUNT_VPL_SHOOT = 0u;
-const uint COUNT_GBUFFER = 1u;
-const uint COUNT_DIRECT = 2u;
-const uint COUNT_SPECULAR_TREE = 3u;
-const uint COUNT_SPECULAR_LIGHT = 4u;
-const uint COUNT_GATHER = 5u;
-const uint COUNT_REGATHER = 6u;
-const uint COUNT_PATH_TRACE = 7u;
-const uint COUNT_GLOSSY = 8u;
-const uint COUNT_COMPENSATE = 9u;
-const uint COUNTER_LANES = 256u; // spread over cells: less contention, and no overflow of 32 bits
+const uint COUNTER_LANES = 256u; // cells of 64 bits that a counter is spread over: less contention
 
-void count_rays(uint counter, uint rays) {
+void count_rays(uint rays) {
     if (scene.ray_counters == 0UL) return;
     uint lane = (gl_WorkGroupID.x + gl_WorkGroupID.y * 37u) % COUNTER_LANES;
-    atomicAdd(CounterArray(scene.ray_counters)[counter * COUNTER_LANES + lane].at, rays);
+    CounterArray cell = CounterArray(scene.ray_counters) + 2u * (RAY_COUNTER * COUNTER_LANES + lane);
+    // The high word takes the carry: 64-bit atomics are not everywhere.
+    uint before = atomicAdd(cell[0].at, rays);
+    if (before + rays < before) atomicAdd(cell[1].at, 1u);
 }
 
 #endif

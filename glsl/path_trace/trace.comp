@@ -8,7 +8,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
 #include "lib/lights.glsl"
-#include "trace/trace.glsl"
+#include "lib/media.glsl"
+#include "lib/visibility.glsl"
 
 const uint TRANSPORT_FULL = 0u;
 const uint TRANSPORT_DIRECT = 1u;
@@ -60,31 +61,6 @@ float power_heuristic(float p, float q) {
     return 1.0 / (1.0 + r * r);
 }
 
-// Share of light that passes from `origin` on, `distance` far: all or none but for surfaces of partial coverage.
-float visibility(vec3 origin, vec3 direction, float distance) {
-    ++rays;
-    if (!ALPHA_BLEND) return trace_any(origin, direction, 0.0, distance) ? 0.0 : 1.0;
-    float share = 1.0;
-    Hit hit;
-    while (trace_closest(origin, direction, 0.0, distance, hit)) {
-        Surface s = surface_at(hit);
-        share *= 1.0 - coverage(s.material);
-        if (share <= 0.0) return 0.0;
-        face(s, -direction);
-        vec3 beyond = offset_origin(s.position, -s.geometric_normal);
-        distance -= max(dot(beyond - origin, direction), 0.0);
-        origin = beyond;
-        ++rays;
-    }
-    return share;
-}
-
-// What the medium on the other side of a surface absorbs (1/m).
-vec3 absorption_behind(Surface s, bool front, vec3 absorption) {
-    if (!is_solid(s.material)) return absorption;
-    return front ? s.material.absorption : vec3(0.0);
-}
-
 // f·|cosθ| of what is being computed; `albedo` where that is diffuse.
 vec3 scattered(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, vec3 albedo, out float pdf) {
     if (TRANSPORT != TRANSPORT_DIFFUSE_INDIRECT) return bsdf_evaluate(s, front, wo, wi, lobes, pdf);
@@ -109,10 +85,10 @@ vec3 connect(Surface s, bool front, vec3 wo, uint lobes, vec3 albedo, uint verte
         from = offset_origin(s.position, -s.geometric_normal);
         light.distance = distance(from, to);
         light.direction = (to - from) / light.distance;
-        absorption = absorption_behind(s, front, absorption);
+        absorption = absorption_behind(s.material, front, absorption);
     }
-    if (VOLUMES) f *= exp(-absorption * light.distance);
-    return f * light.radiance_over_pdf * visibility(from, light.direction, light.distance);
+    f *= transmittance(absorption, light.distance);
+    return f * light.radiance_over_pdf * visibility(from, light.direction, light.distance, true, rays);
 }
 
 // Radiance that arrives along a ray; W/(sr·m²).
@@ -142,7 +118,7 @@ vec3 trace_path(Ray ray) {
         bool front = face(s, wo);
         float length = distance(ray.origin, s.position);
         covered += length;
-        if (VOLUMES) throughput *= exp(-absorption * length);
+        throughput *= transmittance(absorption, length);
         if (ALPHA_BLEND) {
             float share = coverage(s.material);
             if (share < 1.0 && unit_float(hash(pixel_seed, sample_index, ++passed)) >= share) {
@@ -193,7 +169,7 @@ vec3 trace_path(Ray ray) {
         }
         bool behind = dot(s.geometric_normal, ray.direction) < 0.0;
         ray.origin = offset_origin(s.position, behind ? -s.geometric_normal : s.geometric_normal);
-        if (VOLUMES && behind) absorption = absorption_behind(s, front, absorption);
+        if (behind) absorption = absorption_behind(s.material, front, absorption);
         covered = 0.0;
         ++depth;
         if (depth > params.roulette_depth) {
@@ -243,5 +219,5 @@ void main() {
         imageStore(half_a, pixel, a);
         imageStore(half_b, pixel, b);
     }
-    count_rays(COUNT_PATH_TRACE, rays);
+    count_rays(rays);
 }

@@ -3,8 +3,8 @@
 // One light path a thread; a VPL in a fixed slot at every diffuse hit. Flux 0 marks a gap.
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
-#include "lib/fresnel.glsl"
 #include "lib/lights.glsl"
+#include "lib/media.glsl"
 #include "lib/sampling.glsl"
 #include "trace/offset.glsl"
 #include "trace/trace.glsl"
@@ -112,7 +112,7 @@ void main() {
             if (!trace_closest(origin, direction, 0.0, 1.0 / 0.0, hit)) break;
             Surface surface = surface_at(hit);
             bool front = face(surface, -direction);
-            if (VOLUMES) flux *= exp(-absorption * distance(origin, surface.position));
+            flux *= transmittance(absorption, distance(origin, surface.position));
             float cos_s = max(0.0, -dot(direction, surface.normal));
             float cos_g = -dot(direction, surface.geometric_normal);
             vec3 albedo = diffuse_albedo(surface.material);
@@ -142,10 +142,10 @@ void main() {
                 flux *= split.transmitted / (1.0 - p);
                 direction = transmit(surface.material, direction, surface.normal, front);
                 origin = offset_origin(surface.position, -surface.geometric_normal);
-                if (is_solid(surface.material)) absorption = front ? surface.material.absorption : vec3(0.0);
+                absorption = absorption_behind(surface.material, front, absorption);
             }
         }
     }
     for (; bounce < params.bounces; ++bounce) slots.data[path * params.bounces + bounce] = gap;
-    count_rays(COUNT_VPL_SHOOT, rays);
+    count_rays(rays);
 }

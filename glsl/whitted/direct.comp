@@ -1,13 +1,13 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Radiance leaving primary hits by emission and by direct light; the environment's where there are none. From the second
-// range of rays to lights that have a size on, added to `before`.
+// Radiance leaving primary hits by emission and by direct light; the environment's where there are none. Ranges of
+// rays to lights that have a size are added to what those before have left.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
 #include "lib/sampling.glsl"
 #include "lib/surface.glsl"
-#include "trace/trace.glsl"
+#include "lib/visibility.glsl"
 #include "whitted/direct.glsl"
 
 layout(constant_id = 0) const bool CONTINUES = false;
@@ -36,8 +36,7 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
                 arriving = unshadowed(light, x, source);
             }
             if (arriving == vec3(0.0)) continue;
-            ++rays;
-            if (trace_any(origin, source - origin, 0.0, 1.0)) continue;
+            arriving = shadowed(arriving, visibility(origin, source, rays));
             if (GLOSSY) radiance += arriving;
             else irradiance += arriving;
         }
@@ -52,8 +51,8 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT);
             else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
-            ++rays;
-            if (!trace_any(origin, light.direction, 0.0, light.distance)) sampled += share * light.radiance_over_pdf;
+            vec3 visible = visibility(origin, light.direction, light.distance, false, rays);
+            sampled += shadowed(share * light.radiance_over_pdf, visible);
         }
         sampled /= float(max(scene.light_samples, 1u));
         if (GLOSSY) radiance += sampled;
@@ -83,5 +82,5 @@ void main() {
     }
     if (CONTINUES) radiance = imageLoad(before, pixel).rgb + radiance;
     imageStore(out_radiance, pixel, vec4(radiance, 1.0));
-    count_rays(COUNT_DIRECT, rays);
+    count_rays(rays);
 }

@@ -33,5 +33,5 @@ void main() {
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
     uint end = min(source + args.share, last);
     parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);
-    count_rays(COUNT_SPECULAR_LIGHT, rays);
+    count_rays(rays);
 }

@@ -3,11 +3,7 @@
 #ifndef WHITTED_SOURCES_GLSL
 #define WHITTED_SOURCES_GLSL
 
-#include "indirect/glossy.glsl"
-#include "lib/glossy.glsl"
-#include "indirect/visibility.glsl"
-#include "trace/offset.glsl"
-#include "trace/trace.glsl"
+#include "indirect/vpls.glsl"
 #include "whitted/direct.glsl"
 #include "whitted/reached.glsl"
 
@@ -24,7 +20,8 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
     vec3 here = offset_origin(x.position, x.geometric_normal);
     vec3 sum = vec3(0.0);
     for (uint k = first; k < last; ++k) {
-        vec3 arriving, from = here, to, direction;
+        vec3 direction;
+        Connection c = Connection(vec3(0.0), here, vec3(0.0));
         bool is_vpl = k >= scene.light_count + scene.light_samples;
         bool sampled = false;
         if (EMISSIVE_TRIANGLES || ENVIRONMENT) sampled = !is_vpl && k >= scene.light_count;
@@ -32,31 +29,30 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
             LightSample light;
             if (!area_light(here, k - scene.light_count, lit.seed, light)) continue;
             direction = light.direction;
-            arriving = light.radiance_over_pdf / float(scene.light_samples);
+            c.light = light.radiance_over_pdf / float(scene.light_samples);
             if (!GLOSSY) {
-                arriving *= dot(x.geometric_normal, direction) > 0.0 ? max(dot(x.normal, direction), 0.0) : 0.0;
+                c.light *= dot(x.geometric_normal, direction) > 0.0 ? max(dot(x.normal, direction), 0.0) : 0.0;
             }
-            to = here + light.distance * direction;
+            c.to = here + light.distance * direction;
         } else if (!is_vpl) {
             Light light = LightArray(scene.lights)[k].at;
-            if (GLOSSY) arriving = perpendicular(light, x.position, to, direction);
-            else arriving = unshadowed(light, x, to);
+            if (GLOSSY) c.light = perpendicular(light, x.position, c.to, direction);
+            else c.light = unshadowed(light, x, c.to);
         } else {
-            Vpl vpl = vpls.data[k - scene.light_count - scene.light_samples];
-            if (GLOSSY) arriving = perpendicular(vpl, x.position, min_distance, direction);
-            else arriving = unshadowed(vpl, x, min_distance);
-            from = offset_origin(vpl.position, vpl.normal);
-            to = here;
+            uint vpl = k - scene.light_count - scene.light_samples;
+            if (GLOSSY) c = connect_vpl(vpl, x.position, here, min_distance, direction);
+            else c = connect_vpl(vpl, x, here, min_distance);
         }
-        if (arriving == vec3(0.0)) continue;
+        if (c.light == vec3(0.0)) continue;
         if (GLOSSY) {
-            arriving *= scattered(lit.glossy, direction, LOBES_LIT);
-            if (arriving == vec3(0.0)) continue;
+            c.light *= scattered(lit.glossy, direction, LOBES_LIT);
+            if (c.light == vec3(0.0)) continue;
         }
-        ++rays;
-        // One copy of trace_any where visibility is exact.
-        bool imperfect = VISIBILITY != VISIBILITY_EXACT && is_vpl;
-        if (!(imperfect ? occluded(from, to) : trace_any(from, to - from, 0.0, 1.0))) sum += arriving;
+        // One copy of the exact one where that is all there is.
+        vec3 visible;
+        if (VISIBILITY != VISIBILITY_EXACT && is_vpl) visible = vpl_visibility(c.from, c.to, rays);
+        else visible = visibility(c.from, c.to, rays);
+        sum += shadowed(c.light, visible);
     }
     return sum;
 }

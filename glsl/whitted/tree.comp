@@ -8,8 +8,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "lib/fresnel.glsl"
-#include "trace/trace.glsl"
+#include "lib/media.glsl"
 #include "whitted/reached.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
@@ -64,10 +63,9 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
                     throughput * split.reflected, absorption, depth + 1u));
     }
     if (GLASS && split.transmitted != vec3(0.0)) {
-        vec3 inside = is_solid(material) ? (front ? material.absorption : vec3(0.0)) : absorption;
         push(Branch(offset_origin(surface.position, -surface.geometric_normal),
-                    transmit(material, incoming, surface.normal, front), throughput * split.transmitted, inside,
-                    depth + 1u));
+                    transmit(material, incoming, surface.normal, front), throughput * split.transmitted,
+                    absorption_behind(material, front, absorption), depth + 1u));
     }
 }
 
@@ -95,7 +93,7 @@ void main() {
         Surface surface = surface_at(hit);
         bool front = face(surface, -branch.direction);
         vec3 throughput = branch.throughput;
-        if (VOLUMES) throughput *= exp(-branch.absorption * distance(branch.origin, surface.position));
+        throughput *= transmittance(branch.absorption, distance(branch.origin, surface.position));
         radiance += throughput * emitted_radiance(surface.material, front);
         float cos_i = clamp(-dot(surface.normal, branch.direction), 0.0, 1.0);
         vec3 reflected = throughput * diffuse_share(surface.material, cos_i, front) / PI;
@@ -130,5 +128,5 @@ void main() {
     }
     imageStore(out_emitted, pixel, vec4(radiance, 1.0));
     imageStore(out_last, pixel, uvec4(last));
-    count_rays(COUNT_SPECULAR_TREE, rays);
+    count_rays(rays);
 }

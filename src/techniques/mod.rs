@@ -112,23 +112,6 @@ impl Kernels {
     }
 }
 
-/// Passes that count their rays, in the order of the cells they count in (`glsl/lib/counters.glsl`).
-pub(crate) const RAY_COUNTERS: [&str; 10] = [
-    "vpl_shoot/paths",
-    "gbuffer/primary",
-    "whitted/direct",
-    "whitted/tree",
-    "whitted/light",
-    "indirect/gather",
-    "indirect/regather",
-    "path_trace/trace",
-    "indirect/glossy",
-    "indirect/compensate",
-];
-
-/// Cells a counter is spread over.
-pub(crate) const COUNTER_LANES: usize = 256;
-
 #[cfg(test)]
 mod tests {
     use super::indirect::IndirectConfig;

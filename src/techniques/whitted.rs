@@ -72,24 +72,21 @@ impl WhittedConfig {
 /// Radiance by emission, direct light and the environment at the end of camera rays.
 pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
     g.group("whitted", |g| {
-        let mut sum = None;
+        let out = g.image("direct", g.desc(gb.albedo));
         let samples = if k.area_lights() { config.light_samples } else { 1 };
         for first in (0..samples).step_by(RANGE as usize) {
-            let out = g.image("direct", g.desc(gb.albedo));
             let bind = kernels::direct::Bind {
                 hits: gb.hits,
                 albedo: gb.albedo,
                 // Unread by the first range, which has nothing to continue.
-                before: sum.unwrap_or(gb.albedo),
+                before: if first > 0 { out } else { gb.albedo },
                 out_radiance: out,
             };
-            let kernel =
-                kernels::direct::kernel(kernels::direct::Spec { continues: sum.is_some() }, &k.scene);
+            let kernel = kernels::direct::kernel(kernels::direct::Spec { continues: first > 0 }, &k.scene);
             let params = kernels::direct::Params { first, last: first + RANGE };
             g.pass("direct", &kernel, bind, params, Grid::Over(out));
-            sum = Some(out);
         }
-        sum.unwrap_or(gb.albedo)
+        out
     })
 }
 

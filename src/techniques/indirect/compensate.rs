@@ -42,5 +42,5 @@ pub(super) fn compensate_missing(g: &mut Graph, s: &Scope<'_>, missing: Missing,
         min_distance: s.min_distance,
     };
     let grid = Grid::Indirect { buffer: missing.args, offset: 0 };
-    g.pass("compensate", &missing_kernel::kernel(&s.kernels.scene), bind, params, grid);
+    g.pass("compensate_missing", &missing_kernel::kernel(&s.kernels.scene), bind, params, grid);
 }

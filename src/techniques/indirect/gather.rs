@@ -13,20 +13,19 @@ pub(super) fn gather(g: &mut Graph, s: &Scope<'_>, grid: &SampleGrid) -> Res<Ima
         let last = (grid.first_cell[axis] + grid.extent[axis] - 1) / config.interleave;
         (last - first + 1).next_multiple_of(code[axis])
     });
-    let mut sum = None;
+    let out = g.image("gathered", ImageDesc::new(grid.extent, Format::Rgba32Float));
     for first in (0..s.vpls.subset_slots).step_by(RANGE as usize) {
-        let out = g.image("gathered", ImageDesc::new(grid.extent, Format::Rgba32Float));
         let bind = kernel::Bind {
             hits: s.gbuffer.hits,
             albedo: s.gbuffer.albedo,
             vpls: s.vpls.list,
             count: s.vpls.count,
             // Unread by the first range, which has nothing to continue.
-            sum: sum.unwrap_or(s.gbuffer.albedo),
+            before: if first > 0 { out } else { s.gbuffer.albedo },
             out_irradiance: out,
         };
         let spec = kernel::Spec {
-            continues: sum.is_some(),
+            continues: first > 0,
             downsample: config.downsample,
             interleave: config.interleave,
             irregular: config.irregular(),
@@ -38,9 +37,8 @@ pub(super) fn gather(g: &mut Graph, s: &Scope<'_>, grid: &SampleGrid) -> Res<Ima
             m => Grid::Of([m * tiles[0], m * tiles[1], code[2]]),
         };
         g.pass("gather", &kernel::kernel(spec, &s.kernels.scene), bind, params, invocations);
-        sum = Some(out);
     }
-    sum.unwrap_or(s.gbuffer.albedo)
+    out
 }
 
 /// Gathers at the listed pixels, which start from zero.

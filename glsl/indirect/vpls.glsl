@@ -1,0 +1,116 @@
+// Light from virtual point lights (Marques & Santos 2010, eq. 1). Expects `vpls`.
+#ifndef INDIRECT_VPLS_GLSL
+#define INDIRECT_VPLS_GLSL
+
+#include "lib/glossy.glsl"
+#include "lib/receiver.glsl"
+#include "lib/sampling.glsl"
+#include "lib/visibility.glsl"
+#include "trace/boxes.glsl"
+
+// The paper's cubic f(a, b, d).
+float smooth_step(float a, float b, float d) {
+    if (d >= b) return 1.0;
+    if (d <= a) return 0.0;
+    float s = (d - a) / (b - a);
+    return s * s * (3.0 - 2.0 * s);
+}
+
+// What bounding leaves of the light of a VPL so far away (m).
+float bounded(float d, float min_distance) { return smooth_step(0.8 * min_distance, 1.2 * min_distance, d); }
+
+// W/m² from a VPL if nothing is between; 0 behind the plane of either.
+vec3 unshadowed(Vpl vpl, Receiver x, float min_distance) {
+    vec3 to_vpl = vpl.position - x.position;
+    float cos_x = dot(x.normal, to_vpl);
+    float cos_k = -dot(vpl.normal, to_vpl);
+    if (cos_x <= 0.0 || cos_k <= 0.0 || dot(x.geometric_normal, to_vpl) <= 0.0) return vec3(0.0);
+    float distance2 = dot(to_vpl, to_vpl);
+    float g = (cos_x / distance2) * (cos_k / distance2);
+    if (min_distance > 0.0) {
+        float f = bounded(sqrt(distance2), min_distance);
+        if (f == 0.0) return vec3(0.0); // before 0 · ∞ where they all but touch
+        g *= f;
+    }
+    return vpl.flux * (g / PI);
+}
+
+// W/m² across the direction to a VPL, if nothing is between; bounded as irradiance is.
+vec3 perpendicular(Vpl vpl, vec3 position, float min_distance, out vec3 direction) {
+    vec3 to_vpl = vpl.position - position;
+    float distance2 = dot(to_vpl, to_vpl);
+    float inverse = inversesqrt(distance2);
+    direction = inverse * to_vpl;
+    float cos_k = -dot(vpl.normal, direction);
+    if (!(cos_k > 0.0)) return vec3(0.0);
+    float share = 1.0;
+    if (min_distance > 0.0) {
+        share = bounded(sqrt(distance2), min_distance);
+        if (share == 0.0) return vec3(0.0);
+    }
+    return vpl.flux * (share * cos_k / (distance2 * PI));
+}
+
+// Light that arrives if nothing is between the ends of a shadow ray: W/m², or W/(sr·m²) that a glossy surface sends on.
+struct Connection {
+    vec3 light;
+    vec3 from;
+    vec3 to;
+};
+
+// From VPL k to `to`, where rays to the receiver end. From the VPL: rays that start together stay together, 8 % faster than
+// the other way on a large GPU.
+Connection connect_vpl(uint k, Receiver x, vec3 to, float min_distance) {
+    Vpl vpl = vpls.data[k];
+    return Connection(unshadowed(vpl, x, min_distance), offset_origin(vpl.position, vpl.normal), to);
+}
+
+// Across the direction it comes from.
+Connection connect_vpl(uint k, vec3 position, vec3 to, float min_distance, out vec3 direction) {
+    Vpl vpl = vpls.data[k];
+    vec3 light = perpendicular(vpl, position, min_distance, direction);
+    return Connection(light, offset_origin(vpl.position, vpl.normal), to);
+}
+
+// Of a VPL's light, by the kind of visibility asked for.
+vec3 vpl_visibility(vec3 vpl, vec3 point, inout uint rays) {
+    if (VISIBILITY == VISIBILITY_EXACT) return visibility(vpl, point, rays);
+    ++rays;
+    return vec3(trace_any_box(vpl, point - vpl, 0.0, 1.0) ? 0.0 : 1.0);
+}
+
+vec3 arriving(Connection c, inout uint rays) {
+    if (c.light == vec3(0.0)) return vec3(0.0);
+    return shadowed(c.light, vpl_visibility(c.from, c.to, rays));
+}
+
+// Every `step`th VPL of a range.
+struct Walk {
+    uint first;
+    uint last;
+    uint step;
+};
+
+// W/m² from them.
+vec3 irradiance_from_vpls(Walk walk, Receiver x, float min_distance, inout uint rays) {
+    vec3 to = offset_origin(x.position, x.geometric_normal);
+    vec3 sum = vec3(0.0);
+    for (uint k = walk.first; k < walk.last; k += walk.step) sum += arriving(connect_vpl(k, x, to, min_distance), rays);
+    return sum;
+}
+
+// W/(sr·m²) that lobes send on of their light.
+vec3 radiance_from_vpls(Walk walk, GlossySurface g, uint lobes, float min_distance, inout uint rays) {
+    vec3 at = g.surface.position, to = offset_origin(at, g.surface.geometric_normal);
+    vec3 sum = vec3(0.0);
+    for (uint k = walk.first; k < walk.last; k += walk.step) {
+        vec3 direction;
+        Connection c = connect_vpl(k, at, to, min_distance, direction);
+        if (c.light == vec3(0.0)) continue;
+        c.light *= scattered(g, direction, lobes);
+        sum += arriving(c, rays);
+    }
+    return sum;
+}
+
+#endif
