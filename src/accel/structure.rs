@@ -6,13 +6,14 @@ use super::{
 };
 use crate::shaders::SceneData;
 use crate::vk::{self, AccelerationStructure, Backend};
+use std::sync::Arc;
 use std::time::Instant;
 
-/// A structure on the device that answers rays for one backend.
-#[derive(Debug)]
+/// A structure on the device that answers rays for one backend. Clones share what is built.
+#[derive(Clone, Debug)]
 pub struct Structure {
-    built: Built,
-    boxes: Option<BuiltBoxes>,
+    built: Arc<Built>,
+    boxes: Option<Arc<BuiltBoxes>>,
     reports: Vec<StructureReport>,
 }
 
@@ -50,16 +51,17 @@ impl Structure {
     ) -> Result<Self, Error> {
         if backend == Backend::RayQuery {
             let (hardware, reports) = Hardware::build(device, geometry)?;
-            return Ok(Self { built: Built::Hardware(hardware), boxes: None, reports: reports.into() });
+            let built = Arc::new(Built::Hardware(hardware));
+            return Ok(Self { built, boxes: None, reports: reports.into() });
         }
         let (built, report) = Self::software(device, geometry, split)?;
-        Ok(Self { built, boxes: None, reports: vec![report] })
+        Ok(Self { built: Arc::new(built), boxes: None, reports: vec![report] })
     }
 
     /// Whether every leaf's boxes are those of whole triangles, as stopping at them asks for.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        matches!(self.built, Built::Software { split: false, .. })
+        matches!(*self.built, Built::Software { split: false, .. })
     }
 
     /// Builds the software structure again, over whole triangles.
@@ -69,7 +71,7 @@ impl Structure {
     pub fn rebuild_whole(&mut self, device: &vk::Device, geometry: &Geometry) -> Result<(), Error> {
         let (built, report) = Self::software(device, geometry, false)?;
         self.reports.iter_mut().filter(|old| old.name == report.name).for_each(|old| *old = report.clone());
-        self.built = built;
+        self.built = Arc::new(built);
         Ok(())
     }
 
@@ -130,7 +132,7 @@ impl Structure {
         let report = |bytes, build_ms| StructureReport { name: "boxes".into(), build_ms, bytes, primitives };
         let milliseconds = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
         let mut reports = Vec::new();
-        let (arrays, traced) = if let Built::Software { .. } = self.built {
+        let (arrays, traced) = if let Built::Software { .. } = *self.built {
             let built = SoftwareBoxes::build(&boxes)?;
             let bytes = bytes + built.node_bytes().len() as u64;
             fits(bytes)?;
@@ -146,7 +148,7 @@ impl Structure {
             (arrays, TracedBoxes::Hardware(hardware))
         };
         let (bounds, planes) = arrays;
-        self.boxes = Some(BuiltBoxes { options: *options, bounds, planes, traced });
+        self.boxes = Some(Arc::new(BuiltBoxes { options: *options, bounds, planes, traced }));
         self.reports.retain(|report| !report.name.starts_with("boxes"));
         self.reports.extend(reports);
         Ok(())
@@ -154,7 +156,7 @@ impl Structure {
 
     /// Fills in the addresses that kernels traverse.
     pub fn describe(&self, data: &mut SceneData) {
-        if let Built::Software { nodes, triangles, .. } = &self.built {
+        if let Built::Software { nodes, triangles, .. } = &*self.built {
             data.bvh_nodes = nodes.address();
             data.bvh_triangles = triangles.as_ref().map_or(0, vk::Buffer::address);
         }
@@ -169,7 +171,7 @@ impl Structure {
     /// For binding 1 of set 0, where the backend is [`Backend::RayQuery`].
     #[must_use]
     pub fn top_level(&self) -> Option<&AccelerationStructure> {
-        match &self.built {
+        match &*self.built {
             Built::Hardware(hardware) => Some(&hardware.top),
             Built::Software { .. } => None,
         }
@@ -191,7 +193,7 @@ impl Structure {
             Some(TracedBoxes::Software { stack_depth, .. }) => *stack_depth,
             _ => 1,
         };
-        match &self.built {
+        match &*self.built {
             Built::Hardware(_) => 1,
             Built::Software { stack_depth, .. } => over_boxes.max(*stack_depth),
         }

@@ -16,14 +16,15 @@ use crate::vk;
 use emitter::{Emitter, EnvironmentTable};
 use glam::{Mat3, Mat3A, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Buffers that live as long as the scene, and their addresses.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct GpuScene {
-    buffers: Vec<vk::Buffer>,
-    lights: Option<vk::Buffer>,
-    light_choices: Option<vk::Buffer>,
-    emitters: Vec<Emitter>,
+    buffers: Vec<Arc<vk::Buffer>>,
+    lights: Option<Arc<vk::Buffer>>,
+    light_choices: Option<Arc<vk::Buffer>>,
+    emitters: Arc<[Emitter]>,
     /// Power of the environment (W, all channels); 0 without one.
     environment_power: f64,
     /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
@@ -40,7 +41,7 @@ impl GpuScene {
             buffers: Vec::new(),
             lights: None,
             light_choices: None,
-            emitters: Vec::new(),
+            emitters: Arc::default(),
             environment_power: 0.0,
             data: SceneData::default(),
         };
@@ -63,7 +64,7 @@ impl GpuScene {
         gpu.data.scene_radius = 0.5 * low.distance(high);
         let weights = emitter::weights(scene, geometry);
         gpu.data.emission_weights = gpu.array(device, "scene.emission_weights", &weights)?;
-        gpu.emitters = emitter::emitters(geometry, &weights);
+        gpu.emitters = emitter::emitters(geometry, &weights).into();
         if let Some(environment) = &scene.environment {
             gpu.environment(device, environment)?;
         }
@@ -91,10 +92,10 @@ impl GpuScene {
         let records = light_records(lights, self.data.scene_radius);
         let buffer = match &records[..] {
             [] => None,
-            records => Some(device.upload("scene.lights", bytemuck::cast_slice(records))?),
+            records => Some(Arc::new(device.upload("scene.lights", bytemuck::cast_slice(records))?)),
         };
         self.data.light_count = records.len() as u32;
-        self.data.lights = buffer.as_ref().map_or(0, vk::Buffer::address);
+        self.data.lights = buffer.as_ref().map_or(0, |buffer| buffer.address());
         self.lights = buffer;
 
         let mut powers: Vec<_> = records.iter().map(|record| (0, 0, power(record))).collect();
@@ -113,9 +114,9 @@ impl GpuScene {
         choices.extend(area_choices);
         let buffer = match &choices[..] {
             [] => None,
-            choices => Some(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?),
+            choices => Some(Arc::new(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?)),
         };
-        self.data.light_choices = buffer.as_ref().map_or(0, vk::Buffer::address);
+        self.data.light_choices = buffer.as_ref().map_or(0, |buffer| buffer.address());
         self.data.inverse_power = inverse_power;
         self.light_choices = buffer;
         Ok(())
@@ -129,7 +130,7 @@ impl GpuScene {
     /// Bytes on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.buffers.iter().chain(&self.lights).chain(&self.light_choices).map(vk::Buffer::size).sum()
+        self.buffers.iter().chain(&self.lights).chain(&self.light_choices).map(|buffer| buffer.size()).sum()
     }
 
     /// The address of a new buffer with these elements; 0 where there are none.
@@ -144,7 +145,7 @@ impl GpuScene {
         }
         let buffer = device.upload(name, bytemuck::cast_slice(data))?;
         let address = buffer.address();
-        self.buffers.push(buffer);
+        self.buffers.push(Arc::new(buffer));
         Ok(address)
     }
 

@@ -1,13 +1,52 @@
-//! Which backend `auto` takes where a device has both: measured, not guessed.
+//! Which backend a renderer takes; where a device has both, measured, not guessed.
 
-use super::{BackendChoice, Error, FrameRequest, Renderer, RendererOptions};
+use super::error::Error;
+use super::prepared::Prepared;
+use super::request::{BackendChoice, FrameRequest, RendererOptions};
+use super::submit::Renderer;
 use crate::config::RenderConfig;
 use crate::scene::{Scene, builtin};
-use crate::vk::Backend;
-use crate::vk::{self, DeviceInfo};
+use crate::vk::{self, Backend, DeviceInfo, DeviceKind};
 use std::fmt;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
+
+impl Renderer {
+    /// Uploads a scene and builds the one structure its backend needs.
+    ///
+    /// # Errors
+    /// An invalid scene, a backend the device lacks, or too little memory.
+    pub fn new(device: &vk::Device, scene: Scene, options: &RendererOptions) -> Result<Self, Error> {
+        scene.validate()?;
+        let ray_query = device.info().ray_query;
+        let software_only = options.visibility.software_only();
+        let visibility = options.visibility.name();
+        let (backend, reason) = match options.backend {
+            BackendChoice::Force(Backend::RayQuery) if software_only => {
+                return Err(Error::SoftwareOnly { visibility });
+            }
+            BackendChoice::Force(Backend::RayQuery) if !ray_query => {
+                return Err(Error::NoRayQuery { device: device.info().name.clone() });
+            }
+            BackendChoice::Force(backend) => (backend, "as asked".into()),
+            _ if software_only => (Backend::Software, format!("the only one with visibility {visibility}")),
+            _ if !ray_query => (Backend::Software, "the device has no ray query".into()),
+            BackendChoice::Auto if device.info().kind == DeviceKind::Cpu => {
+                (Backend::Software, "the faster one on CPU devices".into())
+            }
+            BackendChoice::Auto => {
+                let timing = timing(device)?;
+                (timing.fastest(), timing.to_string())
+            }
+            BackendChoice::Measure => {
+                let timing = time(device, &scene)?;
+                (timing.fastest(), format!("{timing}, on this scene"))
+            }
+        };
+        Self::of(Arc::new(Prepared::new(device, scene, backend, reason, !software_only)?))
+    }
+}
 
 /// What both backends took for the same picture on one device and driver.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -43,7 +82,7 @@ pub fn cached_timing(info: &DeviceInfo) -> Option<Timing> {
 }
 
 /// The cached timing, or a new one on a built-in scene.
-pub(super) fn timing(device: &vk::Device) -> Result<Timing, Error> {
+fn timing(device: &vk::Device) -> Result<Timing, Error> {
     if let Some(timing) = cached_timing(device.info()) {
         return Ok(timing);
     }
@@ -61,7 +100,7 @@ pub(super) fn timing(device: &vk::Device) -> Result<Timing, Error> {
 }
 
 /// Renders a small picture of `scene` with both.
-pub(super) fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> {
+fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> {
     let config = RenderConfig { size: [640, 480], ..RenderConfig::default() };
     let camera = scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera());
     let milliseconds = |backend| -> Result<f64, Error> {

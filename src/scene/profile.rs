@@ -1,5 +1,5 @@
 use super::material::TextureUse;
-use super::{AlphaMode, LightKind, Material, Scene};
+use super::{AlphaMode, Light, LightKind, Material, Scene};
 use glam::Vec3;
 
 /// What a scene needs from a renderer; whatever it does not need is left out of the pipeline. Only materials of
@@ -100,14 +100,20 @@ impl SceneProfile {
         {
             profile.add(material, mirror_roughness);
         }
-        for light in &scene.lights {
+        profile.set_lights(&scene.lights);
+        profile
+    }
+
+    /// Renews what the lights decide.
+    pub fn set_lights(&mut self, lights: &[Light]) {
+        (self.point_lights, self.spot_lights, self.directional_lights) = (0, 0, 0);
+        for light in lights {
             *match light.kind {
-                LightKind::Point => &mut profile.point_lights,
-                LightKind::Spot { .. } => &mut profile.spot_lights,
-                LightKind::Directional => &mut profile.directional_lights,
+                LightKind::Point => &mut self.point_lights,
+                LightKind::Spot { .. } => &mut self.spot_lights,
+                LightKind::Directional => &mut self.directional_lights,
             } += 1;
         }
-        profile
     }
 
     fn add(&mut self, material: &Material, mirror_roughness: f32) {

@@ -227,9 +227,7 @@ impl Scene {
         for (i, image) in self.images.iter().enumerate() {
             image.check().map_err(|problem| fail(format!("images[{i}]"), problem))?;
         }
-        for (i, light) in self.lights.iter().enumerate() {
-            light.check().map_err(|problem| fail(format!("lights[{i}]"), problem))?;
-        }
+        Self::validate_lights(&self.lights)?;
         if let Some(environment) = &self.environment {
             environment.check().map_err(|problem| fail("environment".into(), problem))?;
         }
@@ -260,6 +258,18 @@ impl Scene {
                 within_reach("a vertex at", instance.transform.transform_point3(position), MAX_COORDINATE)
                     .map_err(|problem| fail(element(), problem))?;
             }
+        }
+        Ok(())
+    }
+
+    /// Checks the ranges of lights, as [`validate`](Self::validate) does.
+    ///
+    /// # Errors
+    /// The first defect; its file is `scene`.
+    pub fn validate_lights(lights: &[Light]) -> Result<(), SceneError> {
+        for (i, light) in lights.iter().enumerate() {
+            let fail = |problem| SceneError::new(Path::new("scene"), format!("lights[{i}]"), problem);
+            light.check().map_err(fail)?;
         }
         Ok(())
     }

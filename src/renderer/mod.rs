@@ -1,0 +1,31 @@
+//! From a scene and a configuration to a picture.
+//!
+//! A scene is [prepared](Prepared) for a device once: shading data, the structures rays are traced in, what it needs of a
+//! pipeline. A [`Renderer`] draws it: each frame is a graph built anew and handed to the device.
+//! [`Renderer::render`] draws a whole picture and measures it, a [`Stepper`] one step at a time.
+
+mod choice;
+mod drawing;
+mod error;
+mod frame;
+mod growing;
+mod measure;
+mod plan;
+mod prepared;
+mod request;
+mod stepper;
+mod submit;
+mod times;
+mod window;
+
+pub use crate::layer::Layer;
+pub use crate::methods::Aov;
+pub use choice::{Timing, cached_timing};
+pub use error::Error;
+pub use frame::{Denoised, Frame, PassStats};
+pub use growing::noise;
+pub use plan::plan;
+pub use prepared::{Invalidated, Prepared};
+pub use request::{BackendChoice, FrameRequest, Preview, Progress, RendererOptions, Resume};
+pub use stepper::Stepper;
+pub use submit::Renderer;

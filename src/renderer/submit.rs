@@ -1,0 +1,169 @@
+//! Graphs on a prepared scene: each is handed to the device with a uniform buffer of its own, so that several can be under
+//! way.
+
+use super::error::Error;
+use super::prepared::{Invalidated, Prepared, Resident};
+use super::window::Window;
+use crate::config::RenderConfig;
+use crate::graph::{Executor, Graph, Run, RunOptions};
+use crate::sampling::pixel_offset;
+use crate::scene::{Camera, Light, View};
+use crate::shaders::{self, COUNTER_LANES, RAY_COUNTERS};
+use crate::techniques::indirect::IndirectConfig;
+use crate::vk::{self, MemoryKind, SceneSet};
+use glam::Vec2;
+use std::collections::HashMap;
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// Draws a scene on a device: the scene prepared for it, and the caches that frames share.
+///
+/// What can be asked of [`Prepared`] can be asked of it.
+#[derive(Debug)]
+pub struct Renderer {
+    pub(super) executor: Executor,
+    /// One for each run under way at a time, and the parts of the scene that it names.
+    slots: Vec<(Arc<SceneSet>, Arc<Resident>)>,
+    prepared: Arc<Prepared>,
+}
+
+impl Deref for Renderer {
+    type Target = Prepared;
+
+    fn deref(&self) -> &Prepared {
+        &self.prepared
+    }
+}
+
+impl Renderer {
+    /// Another renderer of a prepared scene; both see their own edits only.
+    ///
+    /// # Errors
+    /// What the driver says.
+    pub fn of(prepared: Arc<Prepared>) -> Result<Self, Error> {
+        let executor = Executor::new(prepared.device(), prepared.backend().0)?;
+        Ok(Self { executor, slots: Vec::new(), prepared })
+    }
+
+    /// The scene as it is on the device.
+    #[must_use]
+    pub fn prepared(&self) -> &Arc<Prepared> {
+        &self.prepared
+    }
+
+    /// Replaces the lights; geometry, materials and structures stay as they are, and so does all else where this fails.
+    ///
+    /// # Errors
+    /// A light with NaN, infinite or negative values, or too little memory.
+    pub fn set_lights(&mut self, lights: Vec<Light>) -> Result<Invalidated, Error> {
+        Arc::make_mut(&mut self.prepared).set_lights(lights)
+    }
+
+    /// Builds the structures that a frame traces rays in, unless they are there.
+    pub(super) fn serve(&mut self, config: &IndirectConfig) -> Result<(), Error> {
+        Arc::make_mut(&mut self.prepared).serve(config).map(drop)
+    }
+
+    /// Runs a graph of the caller's own on the scene, seen by `camera` at the size, window and seed of `config`.
+    ///
+    /// # Errors
+    /// A graph declared wrongly, or the device's failure.
+    pub fn run(&mut self, graph: Graph, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
+        config.validate()?;
+        self.serve(&config.indirect)?;
+        let scene = self.set(config, camera, pixel_offset(0, 1), None)?;
+        Ok(self.executor.run(graph, &RunOptions { scene: Some(&scene), ..RunOptions::default() })?)
+    }
+
+    /// The scene as kernels of a run see it. No run under way has the same.
+    pub(super) fn set(
+        &mut self,
+        config: &RenderConfig,
+        camera: &Camera,
+        pixel_offset: Vec2,
+        counters: Option<&Arc<vk::Buffer>>,
+    ) -> Result<Arc<SceneSet>, Error> {
+        let resident = Arc::clone(self.prepared.resident());
+        let data = shaders::SceneData {
+            camera: camera_data(camera, config.size),
+            full_size: config.size,
+            window_origin: Window::of(config).traced_origin,
+            pixel_offset: pixel_offset.to_array(),
+            ray_counters: counters.map_or(0, |counters| counters.address()),
+            seed: config.seed,
+            specular_depth: config.whitted.specular_depth,
+            mirror_roughness: config.whitted.mirror_roughness,
+            energy_conserving: config.energy_conserving.into(),
+            light_samples: if resident.area_lights() { config.whitted.light_samples } else { 0 },
+            ..resident.data()
+        };
+        if let Some(counters) = counters {
+            let mut set = self.new_set(&resident, &data)?;
+            set.keep(Arc::clone(counters) as _);
+            return Ok(Arc::new(set));
+        }
+        self.slots.retain_mut(|(set, of)| Arc::ptr_eq(of, &resident) || Arc::get_mut(set).is_none());
+        let free = self.slots.iter_mut().find_map(|(set, of)| {
+            let free = Arc::get_mut(set).filter(|_| Arc::ptr_eq(of, &resident)).is_some();
+            free.then_some(set)
+        });
+        if let Some(set) = free {
+            write(Arc::get_mut(set).expect("nobody else has it"), &data);
+            return Ok(Arc::clone(set));
+        }
+        let set = Arc::new(self.new_set(&resident, &data)?);
+        self.slots.push((Arc::clone(&set), resident));
+        Ok(set)
+    }
+
+    fn new_set(&self, resident: &Arc<Resident>, data: &shaders::SceneData) -> Result<SceneSet, Error> {
+        let device = self.prepared.device();
+        let uniform = device.buffer("scene", size_of::<shaders::SceneData>() as u64, MemoryKind::Upload)?;
+        let structure = &resident.structure;
+        let mut set = device.scene_set(self.prepared.backend().0, uniform, structure.top_level())?;
+        if let Some(top) = structure.box_top_level() {
+            set.set_boxes(top);
+        }
+        set.keep(Arc::clone(resident) as _);
+        write(&mut set, data);
+        Ok(set)
+    }
+
+    /// Cells that rays are counted in, all zero.
+    pub(super) fn counters(&self) -> Result<Arc<vk::Buffer>, Error> {
+        let zeros = vec![0; RAY_COUNTERS.len() * COUNTER_LANES as usize * 8];
+        Ok(Arc::new(self.prepared.device().upload("ray_counters", &zeros)?))
+    }
+
+    /// Rays by pass.
+    pub(super) fn rays(&self, counters: &vk::Buffer) -> Result<HashMap<&'static str, u64>, Error> {
+        let bytes = self.prepared.device().download(counters)?;
+        let lanes = bytes.chunks_exact(8 * COUNTER_LANES as usize);
+        let count = |cell: &[u8]| u64::from_le_bytes(std::array::from_fn(|i| cell[i]));
+        let sums = lanes.map(|lanes| lanes.chunks_exact(8).map(count).sum());
+        Ok(RAY_COUNTERS.into_iter().zip(sums).collect())
+    }
+}
+
+fn write(set: &mut SceneSet, data: &shaders::SceneData) {
+    let bytes = bytemuck::bytes_of(data);
+    if let Some(mapped) = set.uniform_mut() {
+        mapped[..bytes.len()].copy_from_slice(bytes);
+    }
+}
+
+fn camera_data(camera: &Camera, size: [u32; 2]) -> shaders::Camera {
+    let aspect = size[0] as f32 / size[1] as f32;
+    let (half_height, orthographic) = match camera.view {
+        View::Perspective { yfov } => ((0.5 * yfov).tan(), 0),
+        View::Orthographic { ymag } => (ymag, 1),
+    };
+    let axes = camera.transform.matrix3;
+    shaders::Camera {
+        eye: camera.transform.translation.to_array(),
+        orthographic,
+        right: (axes.x_axis * (half_height * aspect)).to_array(),
+        up: (axes.y_axis * half_height).to_array(),
+        forward: (-axes.z_axis).to_array(),
+    }
+}
