@@ -6,6 +6,9 @@ extern crate shaderc_link as _;
 
 pub mod accel;
 pub mod chart;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 #[cfg(feature = "compile")]
 mod compile;
 pub mod denoise;

@@ -1,14 +1,14 @@
 //! What can be said on the command line.
 
+use crate::config::{PRESETS, Preset};
+use crate::methods::REGISTRY;
+use crate::renderer::{Aov, BackendChoice};
+use crate::stress;
+use crate::techniques::indirect::Visibility;
+use crate::techniques::tone_map::Operator;
+use crate::vk::Backend;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{ArgAction, Parser, Subcommand, ValueEnum};
-use parhelion::config::{PRESETS, Preset};
-use parhelion::methods::REGISTRY;
-use parhelion::renderer::{Aov, BackendChoice};
-use parhelion::stress;
-use parhelion::techniques::indirect::Visibility;
-use parhelion::techniques::tone_map::Operator;
-use parhelion::vk::Backend;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -529,7 +529,7 @@ mod tests {
     /// Where help states a default, it is the configuration's.
     #[test]
     fn help_states_the_defaults_there_are() {
-        let config = parhelion::config::RenderConfig::default();
+        let config = crate::config::RenderConfig::default();
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("render").unwrap().render_long_help().to_string();
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");

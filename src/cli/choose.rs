@@ -3,13 +3,13 @@
 use super::args::Render;
 use super::progress::Reporter;
 use super::{Failure, input, interrupt};
-use parhelion::chart::choose::{Candidate, Front, Probe, Wish, choose, probe};
-use parhelion::chart::data::{Chart, SCHEMA};
-use parhelion::chart::{grid, reference};
-use parhelion::config::RenderConfig;
-use parhelion::metrics;
-use parhelion::renderer::{Frame, Progress, Renderer};
-use parhelion::scene::Camera;
+use crate::chart::choose::{Candidate, Front, Probe, Wish, choose, probe};
+use crate::chart::data::{Chart, SCHEMA};
+use crate::chart::{grid, reference};
+use crate::config::RenderConfig;
+use crate::metrics;
+use crate::renderer::{Frame, Progress, Renderer};
+use crate::scene::Camera;
 use std::path::Path;
 
 /// What was picked, and why.

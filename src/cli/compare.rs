@@ -2,8 +2,8 @@
 
 use super::args::Compare;
 use super::{Failure, extension, input, print};
-use parhelion::metrics::{self, Errors, FlipMap};
-use parhelion::output::{self, ReadPicture, magma};
+use crate::metrics::{self, Errors, FlipMap};
+use crate::output::{self, ReadPicture, magma};
 use std::fmt::Write;
 use std::path::Path;
 

@@ -1,14 +1,12 @@
 //! `parhelion doctor`.
 
 use super::{Failure, args, print};
+use crate::config::RenderConfig;
+use crate::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing};
+use crate::scene::{Camera, Instance, Material, Mesh, Scene};
+use crate::vk::Backend;
+use crate::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use glam::Vec3;
-use parhelion::config::RenderConfig;
-use parhelion::renderer::{
-    Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing,
-};
-use parhelion::scene::{Camera, Instance, Material, Mesh, Scene};
-use parhelion::vk::Backend;
-use parhelion::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use std::fmt::Write;
 
 /// What was found out about one device.

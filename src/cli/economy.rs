@@ -1,10 +1,10 @@
 //! What things that a scene does not need would cost, had they not been left out: the table of `render --explain`.
 
 use super::interrupt;
-use parhelion::config::RenderConfig;
-use parhelion::renderer::{Error, FrameRequest, Progress, Renderer};
-use parhelion::scene::{Camera, Feature};
-use parhelion::vk::DeviceKind;
+use crate::config::RenderConfig;
+use crate::renderer::{Error, FrameRequest, Progress, Renderer};
+use crate::scene::{Camera, Feature};
+use crate::vk::DeviceKind;
 use serde_json::{Value, json};
 use std::fmt::Write;
 

@@ -1,8 +1,8 @@
 //! `parhelion graph`.
 
 use super::{Failure, args, extension, input, load, print};
-use parhelion::graph::Typical;
-use parhelion::{output, renderer};
+use crate::graph::Typical;
+use crate::{output, renderer};
 use std::io::Write;
 
 pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! Ctrl-C: work that can stop in good order is asked to, anything else ends at once.
 
-use parhelion::output::discard_unfinished;
+use crate::output::discard_unfinished;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -2,8 +2,8 @@
 
 use super::args::Methods;
 use super::{Failure, extension, input};
-use parhelion::docs::{self, Measurements};
-use parhelion::output;
+use crate::docs::{self, Measurements};
+use crate::output;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;

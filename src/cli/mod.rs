@@ -18,11 +18,11 @@ mod stats;
 mod stress;
 mod table;
 
+use crate::config::{ConfigError, RenderConfig};
+use crate::renderer;
+use crate::scene::{LoadOptions, Scene, SceneError, builtin};
+use crate::{denoise, output, vk};
 use clap::Parser;
-use parhelion::config::{ConfigError, RenderConfig};
-use parhelion::renderer;
-use parhelion::scene::{LoadOptions, Scene, SceneError, builtin};
-use parhelion::{denoise, output, vk};
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
@@ -91,7 +91,7 @@ impl From<io::Error> for Failure {
     }
 }
 
-pub(crate) fn main() -> ExitCode {
+pub fn main() -> ExitCode {
     let run = || match args::Cli::parse().command {
         args::Command::Render(args) => render::run(&args),
         args::Command::Paper(args) => paper::run(&args),
@@ -126,7 +126,7 @@ fn print(text: &str) -> Result<(), Failure> {
 fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
     let path = scene.unwrap_or(Path::new(&default));
-    Ok(parhelion::scene::load(path, &LoadOptions { scene: which })?)
+    Ok(crate::scene::load(path, &LoadOptions { scene: which })?)
 }
 
 /// A file name's extension in lower case.

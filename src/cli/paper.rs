@@ -3,10 +3,10 @@
 use super::args::Paper;
 use super::progress::Reporter;
 use super::{Failure, base, folder, interrupt, print, scene};
-use parhelion::output;
-use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
-use parhelion::renderer::{self, Renderer};
-use parhelion::vk::{self, DeviceKind, DeviceOptions};
+use crate::output;
+use crate::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
+use crate::renderer::{self, Renderer};
+use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;

@@ -6,16 +6,14 @@ use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
 use super::{Failure, choose, economy, extension, input, interrupt, print, scene};
+use crate::config::RenderConfig;
+use crate::denoise::Denoiser;
+use crate::output::{self, Attribute, Channels, Picture};
+use crate::renderer::{self, Aov, Frame, FrameRequest, Layer, Preview, Renderer, RendererOptions, Resume};
+use crate::scene::{Camera, Environment, SceneProfile};
+use crate::techniques::path_trace::PathTraceConfig;
+use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
-use parhelion::config::RenderConfig;
-use parhelion::denoise::Denoiser;
-use parhelion::output::{self, Attribute, Channels, Picture};
-use parhelion::renderer::{
-    self, Aov, Frame, FrameRequest, Layer, Preview, Renderer, RendererOptions, Resume,
-};
-use parhelion::scene::{Camera, Environment, SceneProfile};
-use parhelion::techniques::path_trace::PathTraceConfig;
-use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

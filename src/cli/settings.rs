@@ -2,8 +2,8 @@
 
 use super::args::{Render, Settings};
 use super::{Failure, input};
-use parhelion::config::{ConfigError, MAX_SPP, RenderConfig};
-use parhelion::methods::{Method, igi, path};
+use crate::config::{ConfigError, MAX_SPP, RenderConfig};
+use crate::methods::{Method, igi, path};
 
 /// What an option sets: its word, its key and, where it is given, its value.
 pub(super) type Assignment = (&'static str, &'static str, Option<String>);

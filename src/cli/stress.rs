@@ -3,11 +3,11 @@
 use super::args::Stress;
 use super::progress::Reporter;
 use super::{Failure, base, check_folder, interrupt, print};
-use parhelion::output;
-use parhelion::renderer::Progress;
-use parhelion::stress::data::{self, Row, Verdict};
-use parhelion::stress::{self, Options, report};
-use parhelion::vk::{self, DeviceOptions};
+use crate::output;
+use crate::renderer::Progress;
+use crate::stress::data::{self, Row, Verdict};
+use crate::stress::{self, Options, report};
+use crate::vk::{self, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;

@@ -1,6 +1,6 @@
 //! Milliseconds by pass, for people.
 
-use parhelion::renderer::{Frame, PassStats};
+use crate::renderer::{Frame, PassStats};
 use std::fmt::Write;
 
 /// One line a group of passes and one for each pass in it, then their sum, and the frame where passes overlap.
@@ -66,7 +66,7 @@ fn row(name: &str, ms: Option<f64>, rays: Option<u64>, total: Option<f64>) -> [S
 #[cfg(test)]
 mod tests {
     use super::*;
-    use parhelion::renderer::Layer;
+    use crate::renderer::Layer;
 
     fn frame(passes: &[(&str, Option<f64>, Option<u64>)]) -> Frame {
         let passes =
