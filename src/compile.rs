@@ -1,5 +1,6 @@
 //! Kernels compiled at run time against the GLSL that this library is made of.
 
+use crate::ErrorClass;
 use crate::graph::RuntimeKernel;
 use crate::reflect;
 use crate::renderer::Renderer;
@@ -22,6 +23,14 @@ pub enum CompileError {
         /// The rule it breaks.
         rule: String,
     },
+}
+
+impl CompileError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 impl RuntimeKernel {

@@ -13,6 +13,7 @@ pub mod cli;
 mod compile;
 pub mod denoise;
 pub mod docs;
+mod error;
 pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
@@ -35,6 +36,7 @@ pub mod vk;
 
 #[cfg(feature = "compile")]
 pub use compile::CompileError;
+pub use error::ErrorClass;
 pub use methods::config;
 
 // Unit and integration tests share one set of helpers, which names the crate as the latter do.

@@ -11,6 +11,7 @@ use common::{assert_close, mean};
 use common::quad;
 
 use glam::{Affine3A, Vec3};
+use parhelion::ErrorClass;
 use parhelion::config::RenderConfig;
 use parhelion::methods::path;
 use parhelion::metrics;
@@ -649,7 +650,7 @@ fn adaptive_sampling_goes_on_where_it_stopped() {
     broken.rates.as_mut().unwrap().data[0] = 0.3;
     for resume in [Resume { rates: None, ..good.clone() }, broken] {
         let error = render(90, Some(&resume)).unwrap_err();
-        assert!(error.to_string().contains("rate") && error.exit_code() == 2, "{error}");
+        assert!(error.to_string().contains("rate") && error.class() == ErrorClass::Input, "{error}");
     }
     let error = render(90, Some(&Resume { halves: None, ..good })).unwrap_err();
     assert!(error.to_string().contains("half_a"), "{error}");
@@ -818,7 +819,7 @@ fn layers_a_method_lacks_are_refused() {
         [(path.clone(), Aov::Irradiance), (path, Aov::Rate), (RenderConfig::default(), Aov::Variance)]
     {
         let error = ask(&config, aov).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
+        assert_eq!(error.class(), ErrorClass::Input);
         let text = error.to_string();
         assert!(text.contains(config.method.name) && text.contains(aov.name()), "{text}");
     }

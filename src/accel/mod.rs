@@ -20,6 +20,7 @@ mod structure;
 pub use report::StructureReport;
 pub use structure::Structure;
 
+use crate::ErrorClass;
 use crate::scene::{AlphaMode, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
@@ -116,12 +117,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// The process's exit code for this error: 75 out of device memory or past the device's limits.
+    /// What kind of failure this is: a scene past what the device holds is one of memory.
     #[must_use]
-    pub fn exit_code(&self) -> u8 {
+    pub fn class(&self) -> ErrorClass {
         match self {
-            Self::Vulkan(error) => error.exit_code(),
-            Self::TooLarge { .. } | Self::TooMany { .. } => 75,
+            Self::Vulkan(error) => error.class(),
+            Self::TooLarge { .. } | Self::TooMany { .. } => ErrorClass::Memory,
         }
     }
 }

@@ -6,6 +6,7 @@ use super::data::{Chart, Point};
 use super::grid;
 use super::reference::{self, ReferenceRequest};
 use super::sweep::Noise;
+use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
@@ -251,7 +252,7 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
                 ..FrameRequest::default()
             };
             let frame = match renderer.render(&config, probe.camera, &request) {
-                Err(error) if error.exit_code() == 130 => return Err(error),
+                Err(error) if error.class() == ErrorClass::Interrupted => return Err(error),
                 Err(error) => {
                     tracing::debug!("{}: {error}", setting.label);
                     break;

@@ -18,6 +18,7 @@
 //! path_trace.spp = [1, 4, 16]
 //! ```
 
+use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{REGISTRY, Sweeps};
 use serde_json::Value;
@@ -92,6 +93,14 @@ pub struct GridError {
     pub grid: String,
     /// What is wrong.
     pub problem: String,
+}
+
+impl GridError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 /// What every setting of a chart has in common, and no grid may change.

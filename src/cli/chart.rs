@@ -4,7 +4,7 @@ use super::args::Chart;
 use super::progress::Reporter;
 use super::{Failure, folder, input, interrupt, print, scene};
 use crate::chart::choose::Front;
-use crate::chart::sweep::{self, FILES};
+use crate::chart::sweep::FILES;
 use crate::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods;
@@ -108,24 +108,4 @@ fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
         error => error.into(),
     })?;
     Ok(base)
-}
-
-impl From<sweep::Error> for Failure {
-    fn from(error: sweep::Error) -> Self {
-        match error {
-            sweep::Error::Render(error) => error.into(),
-            sweep::Error::File(error) => error.into(),
-            other @ sweep::Error::Other { .. } => Self::input(other),
-        }
-    }
-}
-
-impl From<reference::ReferenceError> for Failure {
-    fn from(error: reference::ReferenceError) -> Self {
-        match error {
-            reference::ReferenceError::Render(error) => error.into(),
-            reference::ReferenceError::File(error) => error.into(),
-            other @ reference::ReferenceError::Unfit { .. } => Self::input(other),
-        }
-    }
 }

@@ -1,6 +1,7 @@
 //! `parhelion doctor`.
 
 use super::{Failure, args, print};
+use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing};
 use crate::scene::{Camera, Instance, Material, Mesh, Scene};
@@ -61,9 +62,10 @@ pub(super) fn run(args: &args::Doctor) -> Result<(), Failure> {
     }
     match suitable.clone().find(|report| !report.works()) {
         None => Ok(()),
-        Some(report) => {
-            Err(Failure { code: 1, error: anyhow::anyhow!("device {} does not work", report.info.index) })
-        }
+        Some(report) => Err(Failure {
+            class: ErrorClass::Other,
+            error: anyhow::anyhow!("device {} does not work", report.info.index),
+        }),
     }
 }
 

@@ -3,6 +3,7 @@
 use super::args::Stress;
 use super::progress::Reporter;
 use super::{Failure, base, check_folder, interrupt, print};
+use crate::ErrorClass;
 use crate::output;
 use crate::renderer::Progress;
 use crate::stress::data::{self, Row, Verdict};
@@ -52,7 +53,10 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
         0 => Ok(()),
         failed => {
             let all = stress.rows.len();
-            Err(Failure { code: 1, error: anyhow::anyhow!("{failed} of {all} results fail unexpectedly") })
+            Err(Failure {
+                class: ErrorClass::Other,
+                error: anyhow::anyhow!("{failed} of {all} results fail unexpectedly"),
+            })
         }
     }
 }

@@ -4,6 +4,7 @@
 mod markdown;
 mod ways;
 
+use crate::ErrorClass;
 use crate::chart::data::Chart;
 use crate::chart::{data, grid, picture};
 use crate::config::RenderConfig;
@@ -39,6 +40,14 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+}
+
+impl Error {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 /// Charts and the stress suite.

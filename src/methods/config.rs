@@ -4,6 +4,7 @@
 //! nearest one. An optional key takes the word `auto` for its absence.
 
 use super::{Method, Own, REGISTRY};
+use crate::ErrorClass;
 use crate::techniques::setting::{BadValue, Settings, within};
 use crate::techniques::{
     glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
@@ -201,6 +202,14 @@ pub enum ConfigError {
         /// What is wrong with it.
         problem: String,
     },
+}
+
+impl ConfigError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 impl From<BadValue> for ConfigError {

@@ -9,6 +9,7 @@ mod own;
 pub mod path;
 mod trial;
 
+use crate::ErrorClass;
 pub use aov::Aov;
 pub use layers::{Layers, VplCounts};
 pub use own::{Group, Own};
@@ -182,6 +183,14 @@ pub struct NoLayer {
     pub layer: &'static str,
     /// Those there are.
     pub there: Vec<Aov>,
+}
+
+impl NoLayer {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 fn names(aovs: &[Aov]) -> String {

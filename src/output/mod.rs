@@ -11,6 +11,7 @@ pub use file::{check_writable, discard_unfinished, write_file};
 pub use magma::magma;
 pub use png::write_png;
 
+use crate::ErrorClass;
 use std::path::PathBuf;
 
 /// A file that cannot be written or read.
@@ -21,4 +22,12 @@ pub struct Error {
     pub file: PathBuf,
     /// What went wrong.
     pub source: std::io::Error,
+}
+
+impl Error {
+    /// What kind of failure this is: none that the input is known to be the cause of.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Other
+    }
 }
