@@ -23,6 +23,7 @@ pub mod metrics;
 pub mod output;
 mod page;
 pub mod paper;
+pub mod picture;
 #[cfg(feature = "compile")]
 mod reflect;
 pub mod renderer;

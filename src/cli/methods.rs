@@ -1,9 +1,9 @@
 //! `parhelion methods`.
 
 use super::args::Methods;
-use super::{Failure, extension, input};
+use super::{Failure, input};
 use crate::docs::Measurements;
-use crate::output;
+use crate::output::{self, extension};
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;

@@ -23,7 +23,6 @@ use crate::renderer;
 use crate::scene::{LoadOptions, Scene, SceneError, builtin};
 use crate::{ErrorClass, denoise, output, vk};
 use clap::Parser;
-use std::ffi::OsStr;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -130,11 +129,6 @@ fn load(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
     let path = scene.unwrap_or(Path::new(&default));
     Ok(crate::scene::load(path, &LoadOptions { scene: which })?)
-}
-
-/// A file name's extension in lower case.
-fn extension(file: &Path) -> Option<String> {
-    file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase)
 }
 
 /// What every setting of a report begins with: the defaults, at the size and seed that are asked for.

@@ -60,7 +60,7 @@ fn write(folder: &Path, report: &Report, pictures: Option<(&Row, Pictures<'_>)>)
         let [width, _] = report.base.size;
         let texts = |more: (&'static str, String)| {
             [
-                ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
+                ("Software", output::SOFTWARE.to_owned()),
                 ("Approach", format!("{}, {} VPLs", row.approach, row.vpls)),
                 ("Tone mapping", report.base.tone_map.operator.title().to_owned()),
                 ("Exposure", format!("{:+.2} EV (that of {})", report.exposure_ev, APPROACHES[0].preset)),
