@@ -9,7 +9,7 @@ use crate::vk::{Backend, KernelCode, Modules};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Why GLSL did not become a kernel.
+/// GLSL that cannot become a kernel.
 #[derive(Debug, thiserror::Error)]
 pub enum CompileError {
     /// The compiler's own words: file, line, error.

@@ -22,7 +22,7 @@ pub use oidn::Denoiser;
 use crate::ErrorClass;
 use crate::layer::Layer;
 
-/// Why a picture cannot be denoised.
+/// A picture that cannot be denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The crate was built without the feature.

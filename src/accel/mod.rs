@@ -1,4 +1,4 @@
-//! What does this ray hit: the scene's triangles as both trace backends see them, and their structures.
+//! Geometry that rays are traced against: the scene's triangles as both backends see them, and structures over them.
 //!
 //! A hit names its surface by two numbers that are the same on every backend and on the CPU:
 //! - `instance` 0 is the *merged mesh*: all meshes placed exactly once, transformed to the world and put
@@ -86,7 +86,7 @@ pub struct WorldTriangle {
     pub masked: bool,
 }
 
-/// Why no structure was built.
+/// A structure that cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The software structure would not fit.

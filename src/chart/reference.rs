@@ -60,7 +60,7 @@ pub struct ReferenceRequest<'a> {
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
 }
 
-/// Why there is no reference.
+/// A reference that cannot be made or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
     /// It cannot be rendered.

@@ -46,7 +46,7 @@ pub struct Sweep<'a> {
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
 }
 
-/// Why a sweep ends without a chart. A setting that fails does not end it.
+/// An error that ends a sweep without a chart. A setting that fails does not end it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// What is common to all settings cannot be rendered.

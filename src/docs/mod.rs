@@ -21,7 +21,7 @@ pub const WIDEST: u32 = 320;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file that cannot be read.
-    #[error("{}: {source}; `parhelion {command} -o {}` makes it", file.display(), folder.display())]
+    #[error("{}: {source}; make it with `parhelion {command} -o {}`", file.display(), folder.display())]
     Read {
         /// The file.
         file: PathBuf,
@@ -122,7 +122,7 @@ fn json<T: DeserializeOwned>(
     let found = value.get("schema").and_then(serde_json::Value::as_u64);
     if let Some(found) = found.filter(|found| *found != u64::from(schema)) {
         return Err(unfit(format!(
-            "of form {found}, this program knows {schema}; `parhelion {command}` makes it anew"
+            "of form {found}, but this program reads form {schema}; make it anew with `parhelion {command}`"
         )));
     }
     let read = serde_json::from_value(value).map_err(foreign)?;

@@ -1,4 +1,4 @@
-//! What a render is asked for: the method, one configuration a technique, the picture's size and the seed.
+//! Settings of a render: method, picture, seed, and one group for each technique.
 //!
 //! A file (TOML) and single assignments reach every field; a key that names none is an error with the
 //! nearest one. An optional key takes the word `auto` for its absence.
@@ -39,8 +39,8 @@ pub struct RenderConfig {
     pub method: &'static Method,
     /// Width and height (pixels), each 1 … 16384. Time and memory grow with their product.
     pub size: [u32; 2],
-    /// Which of the equally good sample sets is used. Another seed is another sample of the same noise; no
-    /// bias. The same seed on the same device and backend gives the same bits.
+    /// Seed of all samples. Another seed gives other noise of the same strength, and no bias. The same seed on the same
+    /// device and backend gives the same bits.
     pub seed: u32,
     /// Stratified positions a pixel, 1 … 65536, averaged. One is the pixel's centre: edges are jagged and the
     /// picture differs from an area average. Time grows in proportion.
@@ -49,9 +49,9 @@ pub struct RenderConfig {
     /// all of it. Its radiance is that of the whole picture, bit for bit; automatic exposure, glare and denoising are
     /// the crop's own.
     pub crop: Option<[u32; 4]>,
-    /// Whether dielectric and diffuse part mix so that they never reflect more than they receive. Otherwise as glTF 2.0
-    /// publishes it, above 1 at grazing angles (1.59 at 85° and roughness 0.05). Of `igi` with `indirect.glossy` only:
-    /// without, the parts do not meet.
+    /// Whether the dielectric and the diffuse part are mixed so that they never reflect more light than they receive.
+    /// Otherwise they are mixed as glTF 2.0 publishes it, which reflects too much at grazing angles (1.59 times what
+    /// arrives at 85° and roughness 0.05). Method `igi` heeds it with `indirect.glossy` only: otherwise the parts never meet.
     pub energy_conserving: bool,
     /// Virtual point lights.
     pub vpl_shoot: VplShootConfig,
@@ -164,7 +164,7 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// Why a configuration cannot be used.
+/// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.

@@ -1,7 +1,7 @@
 use crate::ErrorClass;
 use std::path::{Path, PathBuf};
 
-/// Why a scene could not be used: the file, the element in it, and what is wrong with it.
+/// A scene that cannot be used: its file, the element in it, and what is wrong with that element.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {element}: {problem}", file.display())]
 pub struct SceneError {

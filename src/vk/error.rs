@@ -1,4 +1,4 @@
-//! What can go wrong between the library and the driver.
+//! Errors of the Vulkan layer.
 
 use crate::ErrorClass;
 use ash::vk;

@@ -1,10 +1,10 @@
-//! What there is to know about a device, and which one to take.
+//! Properties of devices, and which device to take.
 
 use ash::vk;
 
 use super::Error;
 
-/// What sort of device it is.
+/// Kind of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DeviceKind {
@@ -27,7 +27,7 @@ pub struct DeviceInfo {
     pub index: usize,
     /// The device's name.
     pub name: String,
-    /// Sort of device.
+    /// Kind of device.
     pub kind: DeviceKind,
     /// PCI vendor, or a Khronos vendor id.
     pub vendor_id: u32,
