@@ -24,7 +24,7 @@ pub(super) fn wish(args: &Render) -> Result<Option<Wish>, Failure> {
     let budget = args.budget.map(|budget| Wish::Ms(1e3 * budget.as_secs_f64()));
     let wish = budget.or(args.error.map(Wish::RelMse));
     if wish.is_none() && args.front.is_some() {
-        return Err(input!("--front: picks nothing without --budget or --error"));
+        return Err(input!("--front: needs --budget or --error"));
     }
     Ok(wish)
 }
@@ -63,7 +63,7 @@ pub(super) fn chosen(
         Wish::Ms(ms) => format!("budget {ms} ms"),
         Wish::RelMse(error) => format!("error {error}"),
     };
-    let nearest = if choice.fulfils { "" } else { " (nothing fulfils it; the nearest)" };
+    let nearest = if choice.fulfils { "" } else { " (nothing fulfils it; this is the nearest)" };
     let report = format!(
         "picked for {asked}{nearest}: {label}\npredicted: {ms:.2} ms, relMSE {rel_mse:.4}, by {}\n",
         front.about

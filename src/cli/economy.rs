@@ -65,7 +65,7 @@ impl Economy {
         let things = self.features.iter().map(|&(feature, ms)| (format!("  {}", feature.name()), ms));
         let rows: Vec<_> = std::iter::once(("everything".to_owned(), self.general)).chain(things).collect();
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0).max(20);
-        let mut text = format!("{:<width$}  {:>9}  ratio\n", "modelled for nothing", "ms");
+        let mut text = format!("{:<width$}  {:>9}  ratio\n", "modelled, not needed", "ms");
         let _ = writeln!(text, "{:<width$}  {:>9.3}", "nothing", self.specialised);
         for (name, ms) in rows {
             let _ = writeln!(text, "{name:<width$}  {ms:>9.3}  {:>5.2}", ms / self.specialised);

@@ -22,13 +22,13 @@ use crate::config::{ConfigError, RenderConfig};
 use crate::renderer;
 use crate::scene::{LoadOptions, Scene, SceneError, builtin};
 use crate::{ErrorClass, denoise, output, vk};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Why a command stops.
+/// An error that ends a command.
 #[derive(Debug)]
 struct Failure {
     class: ErrorClass,
@@ -103,6 +103,7 @@ pub fn main() -> ExitCode {
         args::Command::Methods(args) => methods::run(&args),
         args::Command::Doctor(args) => doctor::run(&args),
         args::Command::Graph(args) => graph::run(&args),
+        args::Command::Completions(args) => completions(args.shell),
     };
     match std::panic::catch_unwind(run) {
         Ok(Ok(())) => ExitCode::SUCCESS,
@@ -113,6 +114,13 @@ pub fn main() -> ExitCode {
             ExitCode::from(exit_code(class))
         }
     }
+}
+
+/// Prints the script that makes a shell complete this command's words.
+fn completions(shell: clap_complete::Shell) -> Result<(), Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut args::Cli::command(), "parhelion", &mut script);
+    print(&String::from_utf8_lossy(&script))
 }
 
 /// Prints a result; a reader that has closed the pipe has read enough.

@@ -29,7 +29,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
-    let reporter = Reporter::new(&args.common);
+    let reporter = Reporter::new(&args.machine);
 
     let name = scene::name(&args.common);
     let environment = args.environment.as_deref().map(environment).transpose()?;
@@ -37,11 +37,11 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
 
-    let select = args.common.device.clone();
+    let select = args.machine.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
     reporter.stage("build", &name);
     let options =
-        RendererOptions { backend: args.common.backend.into(), visibility: config.indirect.visibility };
+        RendererOptions { backend: args.machine.backend.into(), visibility: config.indirect.visibility };
     let mut renderer = Renderer::new(&device, scene, &options)?;
     let chosen = match wish {
         Some(wish) => {
@@ -140,7 +140,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let _ = writeln!(report, "{}: statistics", file.display());
     }
     drop(reporter);
-    if !args.common.quiet {
+    if !args.machine.quiet {
         print(&report)?;
     }
     if let Some(error) = failed {
@@ -182,7 +182,9 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
         ));
     }
     if args.resume.is_some() {
-        return Err(input!("--denoise: --resume goes on with a reference, and a denoised picture is none"));
+        return Err(input!(
+            "--denoise: not with --resume, which goes on with a reference: a denoised picture is none"
+        ));
     }
     let path = std::env::var_os("PARHELION_OIDN").map(PathBuf::from);
     Ok(Some(Denoiser::load(path.as_deref())?))

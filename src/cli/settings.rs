@@ -69,8 +69,8 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
     }
     let options = [
         ("--method", "method", args.method.clone()),
-        ("--size", "size", args.common.size.map(|size| format!("{size:?}"))),
-        ("--seed", "seed", args.common.seed.map(|seed| seed.to_string())),
+        ("--size", "size", args.machine.size.map(|size| format!("{size:?}"))),
+        ("--seed", "seed", args.machine.seed.map(|seed| seed.to_string())),
         ("--pixel-samples", "pixel_samples", args.pixel_samples.map(|samples| samples.to_string())),
         ("--crop", "crop", args.crop.map(|crop| format!("{crop:?}"))),
         ("--vpls", "vpl_shoot.vpls", args.vpls.map(|vpls| vpls.to_string())),
