@@ -956,6 +956,29 @@ fn files_on_the_way_are_whole() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing unfinished is left");
 }
 
+/// A limit to time is one more where a file says how many samples, even if as many as by default; over at once it still
+/// leaves a picture.
+#[test]
+fn a_time_limits_beside_a_files_samples() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let default = RenderConfig::default().path_trace.spp;
+    std::fs::write(folder.join("few.toml"), format!("path_trace.spp = {default}\n")).unwrap();
+    let small = ["--size", "4x3", "--max-depth", "2", "-o", "a.exr"];
+    let samples = |args: &[&str]| {
+        succeed(folder, &[&small, args].concat());
+        match read_exr(&folder.join("a.exr")).unwrap().attributes["parhelion:samples"] {
+            Attribute::Number(samples) => samples,
+            Attribute::Text(_) => unreachable!("a number"),
+        }
+    };
+    assert_eq!(samples(&["--config", "few.toml", "--time", "20s"]), f64::from(default));
+    assert_eq!(samples(&["--config", "few.toml", "--noise", "1e-9"]), f64::from(default));
+    assert_eq!(samples(&["--config", "few.toml", "--spp", "3", "--time", "20s"]), 3.0);
+    assert_eq!(samples(&["--time", "1e-6ms"]), 1.0);
+}
+
 /// Options say which method they are of, and an environment is a file or three numbers.
 #[test]
 fn options_of_other_methods_are_refused() {

@@ -1,14 +1,14 @@
 //! What can be said on the command line. `-h` shows the options most used, a line each, `--help` all there is to say.
 
+use super::settings::Assignment;
 use crate::config::{PRESETS, Preset};
-use crate::methods::REGISTRY;
+use crate::methods::{CliOption, Method, OptionGroup, OptionValue, REGISTRY};
 use crate::renderer::{Aov, BackendChoice};
 use crate::stress;
-use crate::techniques::indirect::Visibility;
 use crate::techniques::tone_map::Operator;
 use crate::vk::Backend;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{ArgAction, Parser, Subcommand, ValueEnum};
+use clap::{Arg, ArgAction, ArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -22,6 +22,9 @@ const OUTPUT: &str = "Output";
 
 /// Where options of the machine stand in their group: behind those of the command.
 const LAST: usize = 1000;
+
+/// Where options of methods stand: between both.
+const OF_METHODS: usize = 500;
 
 /// Global illumination on any Vulkan device.
 #[derive(Parser)]
@@ -117,32 +120,10 @@ pub(super) struct Machine {
 }
 
 /// What `--budget` and `--error` decide, or cannot do with.
-const CHOSEN: [&str; 24] = [
-    "method",
-    "vpls",
-    "bounces",
-    "min_distance",
-    "preset",
-    "downsample",
-    "upsample",
-    "interleave",
-    "pattern",
-    "filter",
-    "visibility",
-    "box_split",
-    "spp",
-    "max_depth",
-    "estimator",
-    "transport",
-    "pixel_filter",
-    "time",
-    "noise",
-    "resume",
-    "pixel_samples",
-    "config",
-    "define",
-    "crop",
-];
+fn chosen() -> Vec<&'static str> {
+    let others = ["method", "preset", "time", "noise", "resume", "pixel_samples", "config", "define", "crop"];
+    method_options().map(CliOption::name).chain(others).collect()
+}
 
 /// Settings by file, name and key, which win over each other in this order.
 #[derive(clap::Args)]
@@ -173,29 +154,8 @@ pub(super) struct Render {
     /// How light is computed [default: igi].
     #[arg(long, help_heading = LIGHT, value_parser = methods())]
     pub(super) method: Option<String>,
-    /// Virtual point lights: more are smoother and slower, in proportion [default: 180].
-    #[arg(long, value_name = "N", help_heading = LIGHT, allow_negative_numbers = true)]
-    pub(super) vpls: Option<u32>,
-    /// Indirect bounces: fewer lose light [default: 3].
-    #[arg(long, value_name = "N", help_heading = LIGHT, allow_negative_numbers = true)]
-    pub(super) bounces: Option<u32>,
-    /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
-    #[arg(long, value_name = "M", help_heading = LIGHT, hide_short_help = true, allow_hyphen_values = true, value_parser = distance)]
-    pub(super) min_distance: Option<f32>,
-    /// Paths a pixel of --method path: four times as many halve the noise [default: 64].
-    #[arg(long, value_name = "N", help_heading = LIGHT, allow_negative_numbers = true)]
-    pub(super) spp: Option<u32>,
-    /// Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2].
-    #[arg(long, value_name = "N", help_heading = LIGHT, hide_short_help = true, allow_negative_numbers = true)]
-    pub(super) max_depth: Option<u32>,
-    /// How its paths find light [default: mis].
-    ///
-    /// mis: by rays to the lights and by chance, weighted. naive: by chance alone.
-    #[arg(long, help_heading = LIGHT, hide_short_help = true, value_parser = ["mis", "naive"])]
-    pub(super) estimator: Option<String>,
-    /// Which light it counts [default: full].
-    #[arg(long, help_heading = LIGHT, hide_short_help = true, value_parser = ["full", "direct", "diffuse-indirect"])]
-    pub(super) transport: Option<String>,
+    #[command(flatten)]
+    pub(super) method_options: MethodOptions,
     #[command(flatten)]
     pub(super) machine: Machine,
     /// Exposure of .png pictures in stops [default: auto].
@@ -219,9 +179,6 @@ pub(super) struct Render {
     /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
     #[arg(long, value_name = "N", help_heading = PICTURE, hide_short_help = true, allow_negative_numbers = true)]
     pub(super) pixel_samples: Option<u32>,
-    /// Where in a pixel paths of --method path begin: anywhere, or at the centre [default: box].
-    #[arg(long, value_name = "FILTER", help_heading = PICTURE, hide_short_help = true, value_parser = ["box", "center"])]
-    pub(super) pixel_filter: Option<String>,
     /// Render only this part: pixels from the top left, ends exclusive.
     ///
     /// It equals the same part of the whole, bit for bit, but for automatic exposure, glare and denoising.
@@ -230,51 +187,16 @@ pub(super) struct Render {
     /// Pick method and settings of least error for this time a frame, such as 16ms.
     ///
     /// They are picked from the scene's chart or, where there is none, after a quick probe.
-    #[arg(long, value_name = "TIME", help_heading = SPEED, allow_hyphen_values = true, value_parser = budget, conflicts_with_all = CHOSEN)]
+    #[arg(long, value_name = "TIME", help_heading = SPEED, allow_hyphen_values = true, value_parser = budget, conflicts_with_all = chosen())]
     pub(super) budget: Option<Duration>,
     /// Pick method and settings of least time for this error (relMSE), such as 0.02.
-    #[arg(long, value_name = "ERROR", help_heading = SPEED, hide_short_help = true, allow_hyphen_values = true, value_parser = error, conflicts_with = "budget", conflicts_with_all = CHOSEN)]
+    #[arg(long, value_name = "ERROR", help_heading = SPEED, hide_short_help = true, allow_hyphen_values = true, value_parser = error, conflicts_with = "budget", conflicts_with_all = chosen())]
     pub(super) error: Option<f64>,
     /// Chart that --budget and --error pick from [default: the last one made for scene, camera, size and device].
     #[arg(long, value_name = "data.json", help_heading = SPEED, hide_short_help = true)]
     pub(super) front: Option<PathBuf>,
     #[command(flatten)]
     pub(super) settings: Settings,
-    /// Gather indirect light at one pixel in NxN [default: 1, every pixel].
-    #[arg(long, value_name = "N", help_heading = SPEED, hide_short_help = true, allow_negative_numbers = true)]
-    pub(super) downsample: Option<u32>,
-    /// How the other pixels get theirs [default: paper].
-    ///
-    /// paper: by distance and normal, as in the paper. plane: only from pixels of the same plane; a pixel that has none near
-    /// gathers by itself.
-    #[arg(long, value_name = "FILTER", help_heading = SPEED, hide_short_help = true, value_parser = ["paper", "plane"])]
-    pub(super) upsample: Option<String>,
-    /// Split the VPLs over tiles of NxN pixels, N from 1 to 3 [default: 1, all VPLs at each pixel].
-    #[arg(long, value_name = "N", help_heading = SPEED, hide_short_help = true, allow_negative_numbers = true)]
-    pub(super) interleave: Option<u32>,
-    /// Order of the shares in a tile: the same in every tile, or another in each [default: regular].
-    #[arg(long, help_heading = SPEED, hide_short_help = true, value_parser = ["regular", "irregular"])]
-    pub(super) pattern: Option<String>,
-    /// What hides the tiles of --interleave [default: paper].
-    ///
-    /// paper: the paper's two filters. combined: one filter that averages each share of the VPLs by itself.
-    #[arg(long, help_heading = SPEED, hide_short_help = true, value_parser = ["paper", "combined"])]
-    pub(super) filter: Option<String>,
-    /// What blocks light from virtual lights [default: exact].
-    ///
-    /// Triangles (exact), or their bounding boxes: cheaper and less exact.
-    #[arg(long, value_name = "KIND", help_heading = SPEED, hide_short_help = true, value_parser = visibilities())]
-    pub(super) visibility: Option<String>,
-    /// Split triangles until no edge of a box is longer (metres) [default: no triangle is split].
-    ///
-    /// For --visibility boxes and boxes-plane.
-    #[arg(long, value_name = "M", help_heading = SPEED, hide_short_help = true, allow_hyphen_values = true, value_parser = number)]
-    pub(super) box_split: Option<f32>,
-    /// Let --method path take up to 8 times as many paths where the picture is noisy, fewer elsewhere.
-    ///
-    /// Not for references. --resume then needs --aov half_a,half_b,rate.
-    #[arg(long, help_heading = SPEED, hide_short_help = true)]
-    pub(super) adaptive: bool,
     /// Stop --method path after this time, such as 30s, 5m or 1h.
     ///
     /// --spp is a limit too only where it is given.
@@ -299,10 +221,7 @@ pub(super) struct Render {
     #[arg(short, long = "output", value_name = "FILE", help_heading = OUTPUT)]
     pub(super) output: Vec<PathBuf>,
     /// Further layers for .exr pictures, such as albedo,depth.
-    ///
-    /// albedo, N, P, direct, specular, indirect, glossy, irradiance, depth; of --method path albedo, N, P, depth, variance,
-    /// half_a, half_b, with --adaptive rate.
-    #[arg(long, value_name = "NAME", help_heading = OUTPUT, value_delimiter = ',', value_parser = aov)]
+    #[arg(long, value_name = "NAME", help_heading = OUTPUT, value_delimiter = ',', long_help = about_layers(), value_parser = aov)]
     pub(super) aov: Vec<Aov>,
     /// Refresh the pictures of --method path this often while it runs [default: 10s].
     #[arg(long, value_name = "TIME", help_heading = OUTPUT, hide_short_help = true, allow_hyphen_values = true, value_parser = duration)]
@@ -318,6 +237,99 @@ pub(super) struct Render {
     /// `parhelion graph` shows the names.
     #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", help_heading = OUTPUT, hide_short_help = true, value_parser = tap)]
     pub(super) tap: Vec<(String, PathBuf)>,
+}
+
+/// What the options of all methods were given.
+pub(super) struct MethodOptions(Vec<(&'static CliOption, String)>);
+
+impl MethodOptions {
+    /// What they set.
+    pub(super) fn assignments(&self) -> impl Iterator<Item = Assignment> {
+        self.0.iter().map(|(option, value)| (option.word, option.key, Some(value.clone())))
+    }
+}
+
+impl clap::Args for MethodOptions {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let mut options: Vec<_> = method_options().collect();
+        // Groups are shown in the order of their first options.
+        options.sort_by_key(|option| option.group);
+        command.args(options.into_iter().enumerate().map(|(index, option)| {
+            let heading = match option.group {
+                OptionGroup::Light => LIGHT,
+                OptionGroup::Picture => PICTURE,
+                OptionGroup::Speed => SPEED,
+            };
+            let mut arg = Arg::new(option.name()).long(option.name()).help_heading(heading);
+            arg = arg.help(option.help).hide_short_help(option.rare).display_order(OF_METHODS + index);
+            if !option.more.is_empty() {
+                arg = arg.long_help(format!("{}\n\n{}", option.help, option.more));
+            }
+            match option.value {
+                OptionValue::Whole(name) => {
+                    arg.value_name(name).allow_negative_numbers(true).value_parser(clap::value_parser!(u32))
+                }
+                OptionValue::Number(name) => {
+                    arg.value_name(name).allow_hyphen_values(true).value_parser(number)
+                }
+                OptionValue::Distance(name) => {
+                    arg.value_name(name).allow_hyphen_values(true).value_parser(distance)
+                }
+                OptionValue::Word(name, words) => {
+                    arg.value_name(name).value_parser(PossibleValuesParser::new(words))
+                }
+                OptionValue::Flag => arg.action(ArgAction::SetTrue),
+            }
+        }))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for MethodOptions {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let value = |option: &CliOption| {
+            let name = option.name();
+            match option.value {
+                OptionValue::Whole(_) => matches.get_one::<u32>(name).map(u32::to_string),
+                OptionValue::Number(_) | OptionValue::Distance(_) => {
+                    matches.get_one::<f32>(name).map(|value| format!("{value:?}"))
+                }
+                OptionValue::Word(..) => matches.get_one::<String>(name).cloned(),
+                OptionValue::Flag => matches.get_flag(name).then(|| "true".into()),
+            }
+        };
+        Ok(Self(method_options().filter_map(|option| Some((option, value(option)?))).collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The options of all methods, those that several share once.
+fn method_options() -> impl Iterator<Item = &'static CliOption> {
+    let all = || REGISTRY.iter().flat_map(|method| method.options);
+    let first =
+        move |(index, option): &(usize, &CliOption)| all().take(*index).all(|o| o.word != option.word);
+    all().enumerate().filter(first).map(|(_, option)| option)
+}
+
+/// Which layers each method draws.
+fn about_layers() -> String {
+    let layers = |(index, method): (usize, &&Method)| {
+        let conditional = |aov: &Aov| method.conditional.iter().any(|c| c.aov == *aov);
+        let always = method.aovs.iter().copied().filter(|aov| !conditional(aov));
+        let always: Vec<_> = always.map(Aov::name).collect();
+        let of = if index == 0 { String::new() } else { format!("of --method {} ", method.name) };
+        let with = method.conditional.iter().map(|c| format!(", with {} {}", c.option, c.aov.name()));
+        std::iter::once(format!("{of}{}", always.join(", "))).chain(with).collect::<String>()
+    };
+    let layers: Vec<_> = REGISTRY.iter().enumerate().map(layers).collect();
+    format!("Further layers for .exr pictures, such as albedo,depth\n\n{}.", layers.join("; "))
 }
 
 #[derive(clap::Args)]
@@ -513,10 +525,6 @@ fn about_presets() -> String {
 fn about_stress_scenes() -> String {
     let names: Vec<_> = stress::cases().map(|case| case.name).collect();
     format!("Run this scene alone: {}", names.join(", "))
-}
-
-fn visibilities() -> PossibleValuesParser {
-    PossibleValuesParser::new(Visibility::ALL.iter().map(|visibility| visibility.name()))
 }
 
 fn operators() -> PossibleValuesParser {

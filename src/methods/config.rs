@@ -224,12 +224,22 @@ impl RenderConfig {
     /// # Errors
     /// The file cannot be read or is not TOML, an unknown key, a value of the wrong type.
     pub fn from_toml(file: &Path) -> Result<Self, ConfigError> {
+        let mut config = Self::default();
+        config.apply_toml(file)?;
+        Ok(config)
+    }
+
+    /// Reads a TOML file; keys that it does not name stay as they are.
+    ///
+    /// # Errors
+    /// As for [`Self::from_toml`]; then nothing changes.
+    pub fn apply_toml(&mut self, file: &Path) -> Result<(), ConfigError> {
         let text = std::fs::read_to_string(file)
             .map_err(|source| ConfigError::Read { file: file.into(), source })?;
         let fail = |problem: String| ConfigError::File { file: file.into(), problem };
-        let mut table: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;
-        check_keys(&mut table).map_err(|error| fail(error.to_string()))?;
-        Self::deserialize(Value::Table(table)).map_err(|error| fail(one_line(&error)))
+        let mut change: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;
+        let removed = check_keys(&mut change).map_err(|error| fail(error.to_string()))?;
+        self.apply(change, &removed).map_err(|error| fail(one_line(&error)))
     }
 
     /// Carries out one assignment, `vpl_shoot.vpls=90`. The value is written as in TOML; strings need no quotes.
@@ -248,12 +258,15 @@ impl RenderConfig {
         }
         let removed = check_keys(&mut change)?;
         let fail = |error: &dyn Display| ConfigError::Value { key: key.into(), problem: one_line(error) };
-        let mut table = Table::try_from(&*self).map_err(|error| fail(&error))?;
+        self.apply(change, &removed).map_err(|error| fail(&error.message()))
+    }
+
+    /// Sets what a table holds, and takes back the keys at `removed`.
+    fn apply(&mut self, change: Table, removed: &[String]) -> Result<(), toml::de::Error> {
+        let mut table = Table::try_from(&*self).map_err(serde::de::Error::custom)?;
         merge(&mut table, change);
-        for path in removed {
-            remove(&mut table, &path);
-        }
-        *self = Self::deserialize(Value::Table(table)).map_err(|error| fail(&error.message()))?;
+        removed.iter().for_each(|path| remove(&mut table, path));
+        *self = Self::deserialize(Value::Table(table))?;
         Ok(())
     }
 

@@ -5,6 +5,7 @@ mod aov;
 pub mod config;
 pub mod igi;
 mod layers;
+mod option;
 mod own;
 pub mod path;
 mod trial;
@@ -12,6 +13,7 @@ mod trial;
 use crate::ErrorClass;
 pub use aov::Aov;
 pub use layers::{Layers, VplCounts};
+pub use option::{CliOption, OptionValue};
 pub use own::{Group, Own};
 pub use trial::Trial;
 
@@ -63,6 +65,8 @@ pub struct Method {
     pub own: Option<Group>,
     /// Checks what no group of settings can check by itself.
     pub check: fn(&RenderConfig) -> Result<(), BadValue>,
+    /// Its words on the command line. Methods may share some; one without a word refuses it.
+    pub options: &'static [CliOption],
     /// How its picture grows over many graphs; one graph draws it otherwise.
     pub progressive: Option<Progressive>,
     /// Specialises the kernels to its settings.
