@@ -277,7 +277,7 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
 }
 
 /// What a probe tries of every method.
-fn probed(base: &RenderConfig, finer: bool) -> Result<Vec<grid::Setting>, String> {
+pub(crate) fn probed(base: &RenderConfig, finer: bool) -> Result<Vec<grid::Setting>, String> {
     let mut settings = Vec::new();
     for Sweeps { probe, finer: beside, .. } in REGISTRY.iter().map(|method| &method.sweeps) {
         let texts = [*probe, if finer { beside } else { "" }];

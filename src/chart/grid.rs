@@ -125,7 +125,7 @@ pub fn settings(grid: &str, base: &RenderConfig) -> Result<Vec<Setting>, GridErr
     }
 }
 
-pub(super) fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
+pub(crate) fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
     let sweeps = table.remove("sweep");
     let general = match table.remove("general") {

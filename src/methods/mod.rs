@@ -8,6 +8,8 @@ mod layers;
 mod option;
 mod own;
 pub mod path;
+#[cfg(test)]
+mod toy;
 mod trial;
 
 use crate::ErrorClass;
@@ -26,7 +28,12 @@ use config::RenderConfig;
 use std::fmt;
 
 /// All methods there are, the default first.
-pub static REGISTRY: &[&Method] = &[&igi::METHOD, &path::METHOD];
+pub static REGISTRY: &[&Method] = &[
+    &igi::METHOD,
+    &path::METHOD,
+    #[cfg(test)]
+    &toy::METHOD,
+];
 
 /// The method that others are measured against.
 pub static REFERENCE: &Method = &path::METHOD;
