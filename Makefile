@@ -19,6 +19,7 @@ check: setup
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	cargo clippy --workspace --all-targets --features compile,denoise -- -D warnings
+	cargo clippy --no-default-features --lib --examples -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --features compile,denoise
 
 # What `make docs` measures, and where; on a GPU: `make docs SIZE=800x600 SEEDS=3 OPTIONS='--device 0'`.

@@ -3,10 +3,12 @@
 
 use glam::{Affine3A, Vec3};
 use parhelion::config::RenderConfig;
+use parhelion::picture::{self, Origin};
 use parhelion::renderer::{FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
 use parhelion::vk::{Device, DeviceOptions};
 use std::error::Error;
+use std::path::Path;
 
 /// The inside or outside of an axis-aligned box.
 fn cuboid(low: Vec3, high: Vec3, material: u32) -> Mesh {
@@ -48,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (file, x) in [("lamp_left.png", -1.5), ("lamp_right.png", 1.5)] {
         renderer.set_lights(vec![lamp(x)])?;
         let frame = renderer.render(&config, &camera, &FrameRequest::default())?;
-        image::save_buffer(file, &frame.display, config.size[0], config.size[1], image::ColorType::Rgba8)?;
+        picture::write(Path::new(file), &Origin::of(&renderer, &camera), &config, &frame)?;
         let vpls = frame.vpl_count.unwrap_or_default();
         println!("{file}: {:.1} ms on {}, {vpls} VPLs", frame.wall_ms, device.info().name);
     }

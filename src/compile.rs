@@ -1,5 +1,6 @@
 //! Kernels compiled at run time against the GLSL that this library is made of.
 
+use crate::ErrorClass;
 use crate::graph::RuntimeKernel;
 use crate::reflect;
 use crate::renderer::Renderer;
@@ -8,7 +9,7 @@ use crate::vk::{Backend, KernelCode, Modules};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Why GLSL did not become a kernel.
+/// GLSL that cannot become a kernel.
 #[derive(Debug, thiserror::Error)]
 pub enum CompileError {
     /// The compiler's own words: file, line, error.
@@ -22,6 +23,14 @@ pub enum CompileError {
         /// The rule it breaks.
         rule: String,
     },
+}
+
+impl CompileError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 impl RuntimeKernel {

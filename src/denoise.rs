@@ -19,9 +19,10 @@ pub use absent::Denoiser;
 #[cfg(feature = "denoise")]
 pub use oidn::Denoiser;
 
+use crate::ErrorClass;
 use crate::layer::Layer;
 
-/// Why a picture cannot be denoised.
+/// A picture that cannot be denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The crate was built without the feature.
@@ -44,10 +45,13 @@ pub enum Error {
 }
 
 impl Error {
-    /// The process's exit code: 2 if the program cannot denoise at all, 1 if the library is missing or fails.
+    /// What kind of failure this is: bad input where the program cannot denoise at all.
     #[must_use]
-    pub fn exit_code(&self) -> u8 {
-        if matches!(self, Self::NotBuilt) { 2 } else { 1 }
+    pub fn class(&self) -> ErrorClass {
+        match self {
+            Self::NotBuilt => ErrorClass::Input,
+            Self::Absent { .. } | Self::Library(_) | Self::Shape(_) => ErrorClass::Other,
+        }
     }
 }
 

@@ -6,10 +6,14 @@ extern crate shaderc_link as _;
 
 pub mod accel;
 pub mod chart;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 #[cfg(feature = "compile")]
 mod compile;
 pub mod denoise;
 pub mod docs;
+mod error;
 pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
@@ -19,6 +23,7 @@ pub mod metrics;
 pub mod output;
 mod page;
 pub mod paper;
+pub mod picture;
 #[cfg(feature = "compile")]
 mod reflect;
 pub mod renderer;
@@ -32,6 +37,7 @@ pub mod vk;
 
 #[cfg(feature = "compile")]
 pub use compile::CompileError;
+pub use error::ErrorClass;
 pub use methods::config;
 
 // Unit and integration tests share one set of helpers, which names the crate as the latter do.

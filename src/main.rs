@@ -1,7 +1,5 @@
 //! The `parhelion` command.
 
-mod cli;
-
 fn main() -> std::process::ExitCode {
-    cli::main()
+    parhelion::cli::main()
 }

@@ -365,6 +365,70 @@ fn help_knows_every_word_and_needs_no_device() {
     assert_eq!(stdout(&version), concat!("parhelion ", env!("CARGO_PKG_VERSION"), "\n"));
 }
 
+/// Short help has a line for each option it shows, and fewer options; both show them in the same groups.
+#[test]
+fn short_help_is_a_part_of_the_whole_in_the_same_groups() {
+    let folder = Folder::empty();
+    let help = |args: &[&str]| {
+        let output = folder.without_driver(args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}");
+        stdout(&output)
+    };
+    let groups = |help: &str| -> Vec<String> {
+        help.lines().filter_map(|line| line.strip_suffix(':')).map(String::from).collect()
+    };
+    let options = |help: &str| -> Vec<String> {
+        let words = help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));
+        words.map(|line| line.split("  ").next().unwrap().to_owned()).collect()
+    };
+    for command in ["render", "paper", "chart", "stress", "graph", "compare", "methods", "doctor"] {
+        let (short, whole) = (help(&[command, "-h"]), help(&[command, "--help"]));
+        assert!(options(&whole).len() >= options(&short).len() && whole.len() > short.len(), "{command}");
+        assert!(options(&short).iter().all(|option| options(&whole).contains(option)), "{command}");
+        assert_eq!(groups(&short), groups(&whole), "{command}");
+        for line in short.lines() {
+            assert!(line.chars().count() <= 100, "{command}: {line}");
+            assert!(!line.starts_with("          "), "{command}: a second line of an option: {line}");
+        }
+    }
+    let (short, whole) = (help(&["render", "-h"]), help(&["render", "--help"]));
+    assert_eq!(
+        groups(&whole),
+        ["Arguments", "Options", "Scene", "Light", "Picture", "Speed", "Output"],
+        "{whole}"
+    );
+    assert!(2 * options(&short).len() < options(&whole).len(), "{short}");
+    assert!(short.contains("--vpls") && !short.contains("--box-split") && whole.contains("--box-split"));
+}
+
+#[test]
+fn completions_are_scripts_that_shells_read() {
+    let folder = Folder::empty();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let output = folder.without_driver(&["completions", shell]);
+        assert_eq!(output.status.code(), Some(0), "{shell}: {}", stderr(&output));
+        let script = stdout(&output);
+        for word in ["render", "doctor", "min-distance"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+        folder.write(shell, &script);
+        // The others are not on every machine.
+        if shell == "bash" {
+            let checked = Command::new("bash").arg("-n").arg(folder.path().join(shell)).output().unwrap();
+            assert!(checked.status.success(), "{}", stderr(&checked));
+            let complete = format!(
+                ". ./{shell}; COMP_WORDS=(parhelion ren); COMP_CWORD=1; _parhelion parhelion ren parhelion; echo ${{COMPREPLY[@]}}"
+            );
+            let completed =
+                Command::new("bash").args(["-c", &complete]).current_dir(folder.path()).output().unwrap();
+            assert_eq!(stdout(&completed), "render\n", "{}", stderr(&completed));
+        }
+    }
+    let output = folder.run(&["completions", "tcsh"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("tcsh") && output.stdout.is_empty());
+}
+
 #[test]
 fn the_default_room_renders_from_an_empty_folder() {
     let Some((_guard, device)) = common::device() else { return };

@@ -7,7 +7,7 @@ use common::quad;
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use parhelion::config::RenderConfig;
-use parhelion::methods::{igi, path};
+use parhelion::methods::path;
 use parhelion::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{
     AlphaMode, Camera, Clearcoat, Environment, Feature, Image, Instance, Light, LightKind, Material, Mesh,

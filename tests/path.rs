@@ -11,6 +11,7 @@ use common::{assert_close, mean};
 use common::quad;
 
 use glam::{Affine3A, Vec3};
+use parhelion::ErrorClass;
 use parhelion::config::RenderConfig;
 use parhelion::methods::path;
 use parhelion::metrics;
@@ -649,7 +650,7 @@ fn adaptive_sampling_goes_on_where_it_stopped() {
     broken.rates.as_mut().unwrap().data[0] = 0.3;
     for resume in [Resume { rates: None, ..good.clone() }, broken] {
         let error = render(90, Some(&resume)).unwrap_err();
-        assert!(error.to_string().contains("rate") && error.exit_code() == 2, "{error}");
+        assert!(error.to_string().contains("rate") && error.class() == ErrorClass::Input, "{error}");
     }
     let error = render(90, Some(&Resume { halves: None, ..good })).unwrap_err();
     assert!(error.to_string().contains("half_a"), "{error}");
@@ -818,7 +819,7 @@ fn layers_a_method_lacks_are_refused() {
         [(path.clone(), Aov::Irradiance), (path, Aov::Rate), (RenderConfig::default(), Aov::Variance)]
     {
         let error = ask(&config, aov).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
+        assert_eq!(error.class(), ErrorClass::Input);
         let text = error.to_string();
         assert!(text.contains(config.method.name) && text.contains(aov.name()), "{text}");
     }
@@ -953,6 +954,29 @@ fn files_on_the_way_are_whole() {
     };
     assert!(n >= samples[4]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing unfinished is left");
+}
+
+/// A limit to time is one more where a file says how many samples, even if as many as by default; over at once it still
+/// leaves a picture.
+#[test]
+fn a_time_limits_beside_a_files_samples() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let default = RenderConfig::default().path_trace.spp;
+    std::fs::write(folder.join("few.toml"), format!("path_trace.spp = {default}\n")).unwrap();
+    let small = ["--size", "4x3", "--max-depth", "2", "-o", "a.exr"];
+    let samples = |args: &[&str]| {
+        succeed(folder, &[&small, args].concat());
+        match read_exr(&folder.join("a.exr")).unwrap().attributes["parhelion:samples"] {
+            Attribute::Number(samples) => samples,
+            Attribute::Text(_) => unreachable!("a number"),
+        }
+    };
+    assert_eq!(samples(&["--config", "few.toml", "--time", "20s"]), f64::from(default));
+    assert_eq!(samples(&["--config", "few.toml", "--noise", "1e-9"]), f64::from(default));
+    assert_eq!(samples(&["--config", "few.toml", "--spp", "3", "--time", "20s"]), 3.0);
+    assert_eq!(samples(&["--time", "1e-6ms"]), 1.0);
 }
 
 /// Options say which method they are of, and an environment is a file or three numbers.

@@ -2,6 +2,7 @@
 
 mod common;
 
+use parhelion::ErrorClass;
 use parhelion::methods::REGISTRY;
 use parhelion::renderer::BackendChoice;
 use parhelion::stress::data::{Row, Stress, Verdict};
@@ -81,7 +82,7 @@ fn one_case_alone_is_that_case_and_sizes_and_seeds_are_its_own() {
     let none = stress::run(&device, &Options { only: Some("no such case"), ..SOFTWARE }).unwrap();
     assert!(none.rows.is_empty());
     let error = stress::run(&device, &Options { size: Some([0, 1]), ..SOFTWARE }).unwrap_err();
-    assert_eq!(error.exit_code(), 2);
+    assert_eq!(error.class(), ErrorClass::Input);
 }
 
 // ---- the command ----

@@ -4,6 +4,7 @@
 mod common;
 
 use glam::{Affine3A, Quat, Vec3, vec3};
+use parhelion::ErrorClass;
 use parhelion::accel::boxes::{Bounds, BoxOptions, Boxes};
 use parhelion::accel::cpu::{BoxBruteForce, BruteForce, Ray};
 use parhelion::accel::{Geometry, Structure};
@@ -587,7 +588,10 @@ fn what_ray_query_has_not_is_said() {
         &FrameRequest::default(),
     );
     for error in [new(ray_query, Visibility::BoxesInline).unwrap_err(), late.unwrap_err()] {
-        assert!(matches!(error, renderer::Error::SoftwareOnly { .. }) && error.exit_code() == 2, "{error}");
+        assert!(
+            matches!(error, renderer::Error::SoftwareOnly { .. }) && error.class() == ErrorClass::Input,
+            "{error}"
+        );
         assert!(error.to_string().contains("boxes-inline"), "{error}");
     }
     for choice in [BackendChoice::Auto, BackendChoice::Measure] {

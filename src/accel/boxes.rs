@@ -4,13 +4,13 @@
 use super::{Error, Geometry};
 use glam::{DVec3, Vec3};
 
-/// The most boxes that splitting may add to one a triangle: 200 MB on the device.
+/// Most boxes that splitting may add to the one of each triangle: 200 MB on the device.
 pub const MAX_SPLIT_BOXES: u64 = 1 << 22;
 
 /// How boxes are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BoxOptions {
-    /// Triangles are halved until no edge of a box is longer (m); absent: a box a triangle.
+    /// Longest edge of a box (m): triangles are halved until none is longer. Absent: one box for each triangle.
     pub split: Option<f32>,
     /// Whether each box comes with its triangle's plane.
     pub planes: bool,

@@ -1,4 +1,4 @@
-//! What does this ray hit: the scene's triangles as both trace backends see them, and their structures.
+//! Geometry that rays are traced against: the scene's triangles as both backends see them, and structures over them.
 //!
 //! A hit names its surface by two numbers that are the same on every backend and on the CPU:
 //! - `instance` 0 is the *merged mesh*: all meshes placed exactly once, transformed to the world and put
@@ -20,6 +20,7 @@ mod structure;
 pub use report::StructureReport;
 pub use structure::Structure;
 
+use crate::ErrorClass;
 use crate::scene::{AlphaMode, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
@@ -85,7 +86,7 @@ pub struct WorldTriangle {
     pub masked: bool,
 }
 
-/// Why no structure was built.
+/// A structure that cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The software structure would not fit.
@@ -116,12 +117,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// The process's exit code for this error: 75 out of device memory or past the device's limits.
+    /// What kind of failure this is: a scene past what the device holds is one of memory.
     #[must_use]
-    pub fn exit_code(&self) -> u8 {
+    pub fn class(&self) -> ErrorClass {
         match self {
-            Self::Vulkan(error) => error.exit_code(),
-            Self::TooLarge { .. } | Self::TooMany { .. } => 75,
+            Self::Vulkan(error) => error.class(),
+            Self::TooLarge { .. } | Self::TooMany { .. } => ErrorClass::Memory,
         }
     }
 }

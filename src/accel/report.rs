@@ -1,8 +1,8 @@
-/// What was built, how long it took and what it takes.
+/// A structure that was built: time and memory.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct StructureReport {
-    /// `software`, `blas` or `tlas`; over triangles' boxes `boxes`, and where the driver builds `boxes-blas` and
-    /// `boxes-tlas` (`boxes` are then those that the kernel decides with).
+    /// `software`, `blas` or `tlas` over triangles. Over their boxes `boxes`; where the driver builds, `boxes-blas` and
+    /// `boxes-tlas` too, and `boxes` are the bounds that the kernel tests.
     pub name: String,
     /// Milliseconds from the geometry to a structure on the device.
     pub build_ms: f64,

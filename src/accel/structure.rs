@@ -58,7 +58,7 @@ impl Structure {
         Ok(Self { built: Arc::new(built), boxes: None, reports: vec![report] })
     }
 
-    /// Whether every leaf's boxes are those of whole triangles, as stopping at them asks for.
+    /// Whether the boxes of all leaves bound whole triangles, as visibility by leaves' boxes needs.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         matches!(*self.built, Built::Software { split: false, .. })

@@ -6,6 +6,7 @@ use super::data::{Chart, Point};
 use super::grid;
 use super::reference::{self, ReferenceRequest};
 use super::sweep::Noise;
+use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
@@ -251,7 +252,7 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
                 ..FrameRequest::default()
             };
             let frame = match renderer.render(&config, probe.camera, &request) {
-                Err(error) if error.exit_code() == 130 => return Err(error),
+                Err(error) if error.class() == ErrorClass::Interrupted => return Err(error),
                 Err(error) => {
                     tracing::debug!("{}: {error}", setting.label);
                     break;
@@ -276,7 +277,7 @@ pub fn probe(renderer: &mut Renderer, probe: &Probe<'_>) -> Result<Front, render
 }
 
 /// What a probe tries of every method.
-fn probed(base: &RenderConfig, finer: bool) -> Result<Vec<grid::Setting>, String> {
+pub(crate) fn probed(base: &RenderConfig, finer: bool) -> Result<Vec<grid::Setting>, String> {
     let mut settings = Vec::new();
     for Sweeps { probe, finer: beside, .. } in REGISTRY.iter().map(|method| &method.sweeps) {
         let texts = [*probe, if finer { beside } else { "" }];

@@ -18,6 +18,7 @@
 //! path_trace.spp = [1, 4, 16]
 //! ```
 
+use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{REGISTRY, Sweeps};
 use serde_json::Value;
@@ -94,6 +95,14 @@ pub struct GridError {
     pub problem: String,
 }
 
+impl GridError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
+}
+
 /// What every setting of a chart has in common, and no grid may change.
 const COMMON: [&str; 4] = ["size", "seed", "crop", "tone_map"];
 
@@ -116,7 +125,7 @@ pub fn settings(grid: &str, base: &RenderConfig) -> Result<Vec<Setting>, GridErr
     }
 }
 
-pub(super) fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
+pub(crate) fn parse(text: &str, base: &RenderConfig) -> Result<Vec<Setting>, String> {
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
     let sweeps = table.remove("sweep");
     let general = match table.remove("general") {

@@ -1,6 +1,7 @@
 //! What errors are measured against: two path traced pictures of seeds that nothing else uses. Their mean is the
 //! reference, a quarter of the squared difference between them its own noise.
 
+use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::methods;
 use crate::output::{self, Attribute, Channels, Picture, read_exr, write_exr};
@@ -59,7 +60,7 @@ pub struct ReferenceRequest<'a> {
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
 }
 
-/// Why there is no reference.
+/// A reference that cannot be made or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
     /// It cannot be rendered.
@@ -76,6 +77,18 @@ pub enum ReferenceError {
         /// Why not.
         problem: String,
     },
+}
+
+impl ReferenceError {
+    /// What kind of failure this is.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        match self {
+            Self::Render(error) => error.class(),
+            Self::File(error) => error.class(),
+            Self::Unfit { .. } => ErrorClass::Input,
+        }
+    }
 }
 
 const HALVES: [[&str; 3]; 2] = [["half_a.R", "half_a.G", "half_a.B"], ["half_b.R", "half_b.G", "half_b.B"]];

@@ -6,6 +6,7 @@ use super::data::{self, Chart, Failure, MetricInfo, PassTime, Point, Spread};
 use super::grid::Setting;
 use super::journal::{Entry, Header, Journal};
 use super::{Reference, picture, report, table};
+use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, Channels, Picture, magma};
@@ -45,7 +46,7 @@ pub struct Sweep<'a> {
     pub progress: Option<&'a dyn Fn(Progress<'_>)>,
 }
 
-/// Why a sweep ends without a chart. A setting that fails does not end it.
+/// An error that ends a sweep without a chart. A setting that fails does not end it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// What is common to all settings cannot be rendered.
@@ -62,6 +63,18 @@ pub enum Error {
         /// What is different.
         problem: String,
     },
+}
+
+impl Error {
+    /// What kind of failure this is.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        match self {
+            Self::Render(error) => error.class(),
+            Self::File(error) => error.class(),
+            Self::Other { .. } => ErrorClass::Input,
+        }
+    }
 }
 
 /// What finished measurements are kept in.
@@ -211,7 +224,7 @@ fn measure(
     let frame = match renderer.render(config, sweep.camera, &request) {
         Ok(frame) => frame,
         Err(renderer::Error::Cancelled) => return Ok(Measured::Cancelled),
-        Err(error) if error.exit_code() == 130 => return Ok(Measured::Cancelled),
+        Err(error) if error.class() == ErrorClass::Interrupted => return Ok(Measured::Cancelled),
         Err(error) => return Ok(Measured::Failed(error.to_string())),
     };
     // A progressive picture that was cut short comes as if it were whole.

@@ -1,16 +1,30 @@
-//! What can be said on the command line.
+//! What can be said on the command line. `-h` shows the options most used, a line each, `--help` all there is to say.
 
+use super::settings::Assignment;
+use crate::config::{PRESETS, Preset};
+use crate::methods::{CliOption, Method, OptionGroup, OptionValue, REGISTRY};
+use crate::renderer::{Aov, BackendChoice};
+use crate::stress;
+use crate::techniques::tone_map::Operator;
+use crate::vk::Backend;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{ArgAction, Parser, Subcommand, ValueEnum};
-use parhelion::config::{PRESETS, Preset};
-use parhelion::methods::REGISTRY;
-use parhelion::renderer::{Aov, BackendChoice};
-use parhelion::stress;
-use parhelion::techniques::indirect::Visibility;
-use parhelion::techniques::tone_map::Operator;
-use parhelion::vk::Backend;
+use clap::{Arg, ArgAction, ArgMatches, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use std::path::PathBuf;
 use std::time::Duration;
+
+/// Groups of options, in the order in which help shows them.
+const SCENE: &str = "Scene";
+const LIGHT: &str = "Light";
+const PICTURE: &str = "Picture";
+const SPEED: &str = "Speed";
+const OUTPUT: &str = "Output";
+
+/// Where options of the machine stand in their group: behind those of the command.
+const LAST: usize = 1000;
+
+/// Where options of methods stand: between both.
+const OF_METHODS: usize = 500;
 
 /// Global illumination on any Vulkan device.
 #[derive(Parser)]
@@ -24,122 +38,105 @@ pub(super) struct Cli {
 pub(super) enum Command {
     /// Render a scene to pictures.
     Render(Box<Render>),
-    /// Repeat the paper's experiment on a scene: its four approaches at 30, 90 and 180 VPLs, and ours; times,
-    /// errors, pictures.
+    /// Repeat the paper's experiment on a scene.
+    ///
+    /// The paper's four approaches and ours at 30, 90 and 180 VPLs: times, errors, pictures.
     Paper(Box<Paper>),
-    /// Chart error against time: methods and settings on one scene, a page to look at, and what to use.
+    /// Chart error against time.
+    ///
+    /// Measures methods and settings on one scene and leaves a page to look at, which says what to use.
     Chart(Box<Chart>),
     /// Measure how far a picture is from a reference.
     Compare(Compare),
-    /// Run every method on small scenes made to break it: what fails, by how much, and whether that is known.
+    /// Run every method on small scenes made to break it.
+    ///
+    /// Says what fails, by how much, and whether that is known.
     Stress(Stress),
-    /// Write a page on what each method is, costs, leaves wrong and fails at, from charts and the stress suite.
+    /// Write a page on each method: what it is, costs, leaves wrong and fails at.
+    ///
+    /// The page is made from charts and the stress suite.
     Methods(Methods),
-    /// List devices, drivers, what they lack and the backend each would use; trace a ray on each as proof.
+    /// List devices, drivers, what they lack and the backend each would use.
+    ///
+    /// Traces a ray on each device as proof.
     Doctor(Doctor),
     /// Show the render graph of a frame, without rendering it.
     Graph(Graph),
+    /// Print a script that completes this command's words in a shell.
+    Completions(Completions),
 }
 
-/// What every command that renders is asked.
+/// What every command that renders is asked of the scene.
 #[derive(clap::Args)]
 pub(super) struct Common {
-    /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
+    /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
     pub(super) scene: Option<PathBuf>,
     /// Camera of the scene, by name or index [default: the first].
-    #[arg(long, value_name = "NAME|INDEX")]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = SCENE)]
     pub(super) camera: Option<String>,
     /// Position of a camera of your own (metres).
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point, requires = "look_at", conflicts_with = "camera")]
+    #[arg(long, value_name = "X,Y,Z", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = point, requires = "look_at", conflicts_with = "camera")]
     pub(super) eye: Option<[f32; 3]>,
-    /// Point it looks at (metres).
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point, requires = "eye")]
+    /// Point that the camera of --eye looks at (metres).
+    #[arg(long, value_name = "X,Y,Z", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = point, requires = "eye")]
     pub(super) look_at: Option<[f32; 3]>,
-    /// Its vertical field of view (degrees) [default: 45].
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
+    /// Vertical field of view of the camera of --eye (degrees) [default: 45].
+    #[arg(long, value_name = "DEG", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
     pub(super) fov: Option<f32>,
-    /// Which of the file's scenes [default: the file's own].
-    #[arg(long = "scene", value_name = "NAME|INDEX")]
+    /// Scene of a file that holds several, by name or index [default: the one that the file names].
+    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE, hide_short_help = true)]
     pub(super) which: Option<String>,
-    /// Leave a scene without lights dark; otherwise one is put at the camera.
-    #[arg(long)]
+    /// Leave a scene without lights dark; otherwise a light is put at the camera.
+    #[arg(long, help_heading = SCENE, hide_short_help = true)]
     pub(super) no_headlight: bool,
-    #[command(flatten)]
-    pub(super) machine: Machine,
-}
-
-impl std::ops::Deref for Common {
-    type Target = Machine;
-
-    fn deref(&self) -> &Machine {
-        &self.machine
-    }
 }
 
 /// What every command is asked that uses the device for a while, whatever it renders.
 #[derive(clap::Args)]
 pub(super) struct Machine {
     /// Width and height in pixels, each 1 to 16384 [default: 800x600].
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = size)]
+    #[arg(long, value_name = "WxH", help_heading = PICTURE, allow_hyphen_values = true, value_parser = size)]
     pub(super) size: Option<[u32; 2]>,
-    /// Vulkan device [default: the best; `parhelion doctor` lists them].
-    #[arg(long, value_name = "INDEX|NAME|UUID")]
-    pub(super) device: Option<String>,
-    /// What traces rays: auto chooses by device, measure by timing this scene.
-    #[arg(long, value_enum, default_value_t)]
-    pub(super) backend: BackendWord,
-    /// Which of the equally good sample sets [default: 0].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    /// Seed of all samples; every seed is as good as another [default: 0].
+    #[arg(long, value_name = "N", help_heading = PICTURE, hide_short_help = true, display_order = LAST, allow_negative_numbers = true)]
     pub(super) seed: Option<u32>,
+    /// Vulkan device: its index, name or UUID [default: the best].
+    ///
+    /// `parhelion doctor` lists them.
+    #[arg(long, value_name = "DEVICE", help_heading = SPEED, display_order = LAST)]
+    pub(super) device: Option<String>,
+    /// What traces rays: auto chooses by the device, measure by timing this scene.
+    #[arg(long, value_enum, help_heading = SPEED, hide_short_help = true, display_order = LAST + 1, default_value_t)]
+    pub(super) backend: BackendWord,
     /// Print errors only.
-    #[arg(short, long, conflicts_with = "verbose")]
+    #[arg(short, long, help_heading = OUTPUT, display_order = LAST, conflicts_with = "verbose")]
     pub(super) quiet: bool,
-    /// Log more; twice for everything.
-    #[arg(short, long, action = ArgAction::Count)]
+    /// Log more; given twice, log everything.
+    #[arg(short, long, help_heading = OUTPUT, hide_short_help = true, display_order = LAST + 1, action = ArgAction::Count)]
     pub(super) verbose: u8,
     /// How progress is shown on stderr: auto is a bar on a terminal, json one object a line.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, help_heading = OUTPUT, hide_short_help = true, display_order = LAST + 2, default_value_t)]
     pub(super) progress: ProgressWord,
 }
 
 /// What `--budget` and `--error` decide, or cannot do with.
-const CHOSEN: [&str; 24] = [
-    "method",
-    "vpls",
-    "bounces",
-    "min_distance",
-    "preset",
-    "downsample",
-    "upsample",
-    "interleave",
-    "pattern",
-    "filter",
-    "visibility",
-    "box_split",
-    "spp",
-    "max_depth",
-    "estimator",
-    "transport",
-    "pixel_filter",
-    "time",
-    "noise",
-    "resume",
-    "pixel_samples",
-    "config",
-    "define",
-    "crop",
-];
+fn chosen() -> Vec<&'static str> {
+    let others = ["method", "preset", "time", "noise", "resume", "pixel_samples", "config", "define", "crop"];
+    method_options().map(CliOption::name).chain(others).collect()
+}
 
 /// Settings by file, name and key, which win over each other in this order.
 #[derive(clap::Args)]
 pub(super) struct Settings {
     /// Settings from a file; options given here win over it.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", hide_short_help = true)]
     pub(super) config: Option<PathBuf>,
-    /// Settings under one name; -D and options of their own win over it.
-    #[arg(long, value_name = "NAME", value_parser = presets())]
+    /// Settings under one name, such as fast; -D and other options win over it.
+    #[arg(long, value_name = "NAME", help_heading = SPEED, hide_possible_values = true, long_help = about_presets(), value_parser = presets())]
     pub(super) preset: Option<String>,
-    /// One setting by its key, such as vpl_shoot.vpls=90; repeatable, wins over --config.
+    /// One setting by its key, such as vpl_shoot.vpls=90; repeatable.
+    ///
+    /// It wins over --config and --preset.
     #[arg(short = 'D', value_name = "KEY=VALUE")]
     pub(super) define: Vec<String>,
 }
@@ -148,189 +145,269 @@ pub(super) struct Settings {
 pub(super) struct Render {
     #[command(flatten)]
     pub(super) common: Common,
-    /// Picture to write, .exr (linear radiance) or .png (tone mapped); repeatable [default: SCENE.png].
-    #[arg(short, long = "output", value_name = "FILE")]
-    pub(super) output: Vec<PathBuf>,
-    /// How light is computed [default: igi].
-    #[arg(long, value_parser = methods())]
-    pub(super) method: Option<String>,
-    /// Pick method and settings that leave the least error in this time a frame, such as 16ms, by the scene's chart or,
-    /// where there is none, a quick probe.
-    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = budget, conflicts_with_all = CHOSEN)]
-    pub(super) budget: Option<Duration>,
-    /// Pick those that take the least time for this error (relMSE), such as 0.02.
-    #[arg(long, value_name = "ERROR", allow_hyphen_values = true, value_parser = error, conflicts_with = "budget", conflicts_with_all = CHOSEN)]
-    pub(super) error: Option<f64>,
-    /// The chart to pick from [default: the last one made for scene, camera, size and device].
-    #[arg(long, value_name = "data.json")]
-    pub(super) front: Option<PathBuf>,
-    /// Virtual point lights: more is smoother and slower, in proportion [default: 180].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) vpls: Option<u32>,
-    /// Indirect bounces: fewer lose light [default: 3].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) bounces: Option<u32>,
-    /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
-    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = distance)]
-    pub(super) min_distance: Option<f32>,
-    #[command(flatten)]
-    pub(super) settings: Settings,
-    /// Gather indirect light at one pixel in NxN [default: 1, every pixel].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) downsample: Option<u32>,
-    /// How the others get theirs: by distance and normal as in the paper, or only from the same plane, with what
-    /// fits nowhere gathered by itself [default: paper].
-    #[arg(long, value_parser = ["paper", "plane"])]
-    pub(super) upsample: Option<String>,
-    /// Split the VPLs over tiles of NxN neighbours, N from 1 to 3 [default: 1, all VPLs at each].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) interleave: Option<u32>,
-    /// The same order in every tile, or another in each [default: regular].
-    #[arg(long, value_parser = ["regular", "irregular"])]
-    pub(super) pattern: Option<String>,
-    /// What hides tiles and windows: the paper's two filters, or one that averages each subset by itself
-    /// [default: paper].
-    #[arg(long, value_parser = ["paper", "combined"])]
-    pub(super) filter: Option<String>,
-    /// What blocks light from virtual lights: triangles, or their bounding boxes, cheaper and less exact [default:
-    /// exact].
-    #[arg(long, value_parser = visibilities())]
-    pub(super) visibility: Option<String>,
-    /// Split triangles until no edge of a box is longer (metres), for --visibility boxes and boxes-plane [default:
-    /// no triangle is split].
-    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = number)]
-    pub(super) box_split: Option<f32>,
-    /// Paths a pixel of --method path: noise falls with the root [default: 64].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) spp: Option<u32>,
-    /// Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) max_depth: Option<u32>,
-    /// How it finds light: by asking lights and by chance, weighted, or by chance alone [default: mis].
-    #[arg(long, value_parser = ["mis", "naive"])]
-    pub(super) estimator: Option<String>,
-    /// Which light it counts [default: full].
-    #[arg(long, value_parser = ["full", "direct", "diffuse-indirect"])]
-    pub(super) transport: Option<String>,
-    /// Where in a pixel its paths begin: anywhere, or at the centre [default: box].
-    #[arg(long, value_parser = ["box", "center"])]
-    pub(super) pixel_filter: Option<String>,
-    /// Let it take up to 8 times as many paths where the picture is noisy, fewer elsewhere; not for references. --resume
-    /// then needs --aov half_a,half_b,rate.
-    #[arg(long)]
-    pub(super) adaptive: bool,
-    /// Stop it after this time, such as 30s, 5m or 1h; --spp is a limit too only where it is given.
-    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
-    pub(super) time: Option<Duration>,
-    /// Stop it where the picture's relative error is estimated to be no more than this, such as 0.01; --spp as above.
-    #[arg(long, value_name = "ERROR", allow_hyphen_values = true, value_parser = error)]
-    pub(super) noise: Option<f64>,
-    /// Refresh the pictures this often while it runs [default: 10s].
-    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
-    pub(super) preview: Option<Duration>,
-    /// Go on from a picture it wrote, to the same bits as without a break.
-    #[arg(long, value_name = "FILE.exr", conflicts_with = "repeat")]
-    pub(super) resume: Option<PathBuf>,
-    /// Light from all around: an equirectangular picture, or the same radiance everywhere (W/(sr m2)).
-    #[arg(long, value_name = "FILE.exr|FILE.hdr|R,G,B", allow_hyphen_values = true)]
+    /// Light from all around: an equirectangular picture, or R,G,B.
+    ///
+    /// FILE.exr or FILE.hdr, or the same radiance from everywhere as three numbers (W/(sr m2)). It takes the place of the
+    /// scene's own.
+    #[arg(long, value_name = "FILE", help_heading = SCENE, allow_hyphen_values = true)]
     pub(super) environment: Option<String>,
-    /// Exposure of .png pictures in stops, or auto: average brightness to middle grey [default: auto].
-    #[arg(long, value_name = "EV|auto", allow_hyphen_values = true, value_parser = exposure)]
+    /// How light is computed [default: igi].
+    #[arg(long, help_heading = LIGHT, value_parser = methods())]
+    pub(super) method: Option<String>,
+    #[command(flatten)]
+    pub(super) method_options: MethodOptions,
+    #[command(flatten)]
+    pub(super) machine: Machine,
+    /// Exposure of .png pictures in stops [default: auto].
+    ///
+    /// auto brings average brightness to middle grey.
+    #[arg(long, value_name = "EV|auto", help_heading = PICTURE, allow_hyphen_values = true, value_parser = exposure)]
     pub(super) exposure: Option<String>,
     /// What brings exposed radiance into a screen's range for .png pictures [default: neutral].
-    #[arg(long, value_name = "OPERATOR", value_parser = operators())]
+    #[arg(long, value_name = "OPERATOR", help_heading = PICTURE, hide_short_help = true, value_parser = operators())]
     pub(super) tone_map: Option<String>,
-    /// Share of the light, 0 to 1, that .png pictures spread around bright things; -D glare.radius=0.1 is how far, in
-    /// picture heights [default: 0].
-    #[arg(long, value_name = "STRENGTH", allow_hyphen_values = true, value_parser = number)]
+    /// Share of the light, 0 to 1, that .png pictures spread around bright things [default: 0].
+    ///
+    /// -D glare.radius=0.1 is how far, in picture heights.
+    #[arg(long, value_name = "STRENGTH", help_heading = PICTURE, hide_short_help = true, allow_hyphen_values = true, value_parser = number)]
     pub(super) glare: Option<f32>,
-    /// Guess away noise with Open Image Denoise, by albedo and normals, in all pictures; .exr ones keep radiance as it
-    /// was in the layer noisy. Not for references.
-    #[arg(long)]
+    /// Remove noise with Open Image Denoise; not for references.
+    ///
+    /// It guesses from radiance, albedo and normals, in all pictures. .exr ones keep the noisy radiance in the layer noisy.
+    #[arg(long, help_heading = PICTURE)]
     pub(super) denoise: bool,
-    /// Further layers for .exr pictures: albedo, N, P, direct, specular, indirect, glossy, irradiance, depth; of
-    /// --method path albedo, N, P, depth, variance, half_a, half_b, with --adaptive rate.
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov)]
-    pub(super) aov: Vec<Aov>,
     /// Positions a pixel that are averaged, for smooth edges; time grows in proportion [default: 1].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", help_heading = PICTURE, hide_short_help = true, allow_negative_numbers = true)]
     pub(super) pixel_samples: Option<u32>,
-    /// Render N times after warming up, and report medians.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub(super) repeat: Option<u32>,
-    /// Render only this part (pixels from the top left, ends exclusive), equal to the whole bit for bit but for automatic
-    /// exposure, glare and denoising.
-    #[arg(long, value_name = "X0,Y0,X1,Y1", allow_hyphen_values = true, value_parser = numbers::<u32, 4>)]
+    /// Render only this part: pixels from the top left, ends exclusive.
+    ///
+    /// It equals the same part of the whole, bit for bit, but for automatic exposure, glare and denoising.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", help_heading = PICTURE, hide_short_help = true, allow_hyphen_values = true, value_parser = numbers::<u32, 4>)]
     pub(super) crop: Option<[u32; 4]>,
-    /// Write device, scene, settings, times, rays and memory as JSON.
-    #[arg(long, value_name = "FILE.json")]
-    pub(super) stats: Option<PathBuf>,
-    /// Write a resource as a pass leaves it; repeatable (`parhelion graph` shows the names).
-    #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", value_parser = tap)]
-    pub(super) tap: Vec<(String, PathBuf)>,
-    /// Print what this scene does not need and is left out, and why; then print what each of these things would cost, by
-    /// two further frames or more for each of some twenty
-    #[arg(long)]
+    /// Pick method and settings of least error for this time a frame, such as 16ms.
+    ///
+    /// They are picked from the scene's chart or, where there is none, after a quick probe.
+    #[arg(long, value_name = "TIME", help_heading = SPEED, allow_hyphen_values = true, value_parser = budget, conflicts_with_all = chosen())]
+    pub(super) budget: Option<Duration>,
+    /// Pick method and settings of least time for this error (relMSE), such as 0.02.
+    #[arg(long, value_name = "ERROR", help_heading = SPEED, hide_short_help = true, allow_hyphen_values = true, value_parser = error, conflicts_with = "budget", conflicts_with_all = chosen())]
+    pub(super) error: Option<f64>,
+    /// Chart that --budget and --error pick from [default: the last one made for scene, camera, size and device].
+    #[arg(long, value_name = "data.json", help_heading = SPEED, hide_short_help = true)]
+    pub(super) front: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: Settings,
+    /// Stop --method path after this time, such as 30s, 5m or 1h.
+    ///
+    /// --spp is a limit too only where it is given.
+    #[arg(long, value_name = "TIME", help_heading = SPEED, allow_hyphen_values = true, value_parser = duration)]
+    pub(super) time: Option<Duration>,
+    /// Stop --method path where the estimated relative error is no more than this, such as 0.01.
+    ///
+    /// --spp is a limit too only where it is given.
+    #[arg(long, value_name = "ERROR", help_heading = SPEED, hide_short_help = true, allow_hyphen_values = true, value_parser = error)]
+    pub(super) noise: Option<f64>,
+    /// Render N times after warming up, and report medians.
+    #[arg(long, value_name = "N", help_heading = SPEED, hide_short_help = true, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(super) repeat: Option<u32>,
+    /// Say what was left out because the scene does not need it, and measure what it would cost.
+    ///
+    /// Some twenty things are measured, each by two further frames or more.
+    #[arg(long, help_heading = SPEED, hide_short_help = true)]
     pub(super) explain: bool,
+    /// Picture to write, .exr or .png; repeatable [default: SCENE.png].
+    ///
+    /// .exr holds linear radiance, .png is tone mapped.
+    #[arg(short, long = "output", value_name = "FILE", help_heading = OUTPUT)]
+    pub(super) output: Vec<PathBuf>,
+    /// Further layers for .exr pictures, such as albedo,depth.
+    #[arg(long, value_name = "NAME", help_heading = OUTPUT, value_delimiter = ',', long_help = about_layers(), value_parser = aov)]
+    pub(super) aov: Vec<Aov>,
+    /// Refresh the pictures of --method path this often while it runs [default: 10s].
+    #[arg(long, value_name = "TIME", help_heading = OUTPUT, hide_short_help = true, allow_hyphen_values = true, value_parser = duration)]
+    pub(super) preview: Option<Duration>,
+    /// Go on from a picture that --method path wrote, to the same bits as without a break.
+    #[arg(long, value_name = "FILE.exr", help_heading = OUTPUT, hide_short_help = true, conflicts_with = "repeat")]
+    pub(super) resume: Option<PathBuf>,
+    /// Write device, scene, settings, times, rays and memory as JSON.
+    #[arg(long, value_name = "FILE.json", help_heading = OUTPUT)]
+    pub(super) stats: Option<PathBuf>,
+    /// Write a resource as a pass leaves it; repeatable.
+    ///
+    /// `parhelion graph` shows the names.
+    #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", help_heading = OUTPUT, hide_short_help = true, value_parser = tap)]
+    pub(super) tap: Vec<(String, PathBuf)>,
+}
+
+/// What the options of all methods were given.
+pub(super) struct MethodOptions(Vec<(&'static CliOption, String)>);
+
+impl MethodOptions {
+    /// What they set.
+    pub(super) fn assignments(&self) -> impl Iterator<Item = Assignment> {
+        self.0.iter().map(|(option, value)| (option.word, option.key, Some(value.clone())))
+    }
+}
+
+impl clap::Args for MethodOptions {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let mut options: Vec<_> = method_options().collect();
+        // Groups are shown in the order of their first options.
+        options.sort_by_key(|option| option.group);
+        command.args(options.into_iter().enumerate().map(|(index, option)| {
+            let heading = match option.group {
+                OptionGroup::Light => LIGHT,
+                OptionGroup::Picture => PICTURE,
+                OptionGroup::Speed => SPEED,
+            };
+            let mut arg = Arg::new(option.name()).long(option.name()).help_heading(heading);
+            arg = arg.help(option.help).hide_short_help(option.rare).display_order(OF_METHODS + index);
+            if !option.more.is_empty() {
+                arg = arg.long_help(format!("{}\n\n{}", option.help, option.more));
+            }
+            match option.value {
+                OptionValue::Whole(name) => {
+                    arg.value_name(name).allow_negative_numbers(true).value_parser(clap::value_parser!(u32))
+                }
+                OptionValue::Number(name) => {
+                    arg.value_name(name).allow_hyphen_values(true).value_parser(number)
+                }
+                OptionValue::Distance(name) => {
+                    arg.value_name(name).allow_hyphen_values(true).value_parser(distance)
+                }
+                OptionValue::Word(name, words) => {
+                    arg.value_name(name).value_parser(PossibleValuesParser::new(words))
+                }
+                OptionValue::Flag => arg.action(ArgAction::SetTrue),
+            }
+        }))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for MethodOptions {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let value = |option: &CliOption| {
+            let name = option.name();
+            match option.value {
+                OptionValue::Whole(_) => matches.get_one::<u32>(name).map(u32::to_string),
+                OptionValue::Number(_) | OptionValue::Distance(_) => {
+                    matches.get_one::<f32>(name).map(|value| format!("{value:?}"))
+                }
+                OptionValue::Word(..) => matches.get_one::<String>(name).cloned(),
+                OptionValue::Flag => matches.get_flag(name).then(|| "true".into()),
+            }
+        };
+        Ok(Self(method_options().filter_map(|option| Some((option, value(option)?))).collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The options of all methods, those that several share once.
+fn method_options() -> impl Iterator<Item = &'static CliOption> {
+    let all = || REGISTRY.iter().flat_map(|method| method.options);
+    let first =
+        move |(index, option): &(usize, &CliOption)| all().take(*index).all(|o| o.word != option.word);
+    all().enumerate().filter(first).map(|(_, option)| option)
+}
+
+/// Which layers each method draws.
+fn about_layers() -> String {
+    let layers = |(index, method): (usize, &&Method)| {
+        let conditional = |aov: &Aov| method.conditional.iter().any(|c| c.aov == *aov);
+        let always = method.aovs.iter().copied().filter(|aov| !conditional(aov));
+        let always: Vec<_> = always.map(Aov::name).collect();
+        let of = if index == 0 { String::new() } else { format!("of --method {} ", method.name) };
+        let with = method.conditional.iter().map(|c| format!(", with {} {}", c.option, c.aov.name()));
+        std::iter::once(format!("{of}{}", always.join(", "))).chain(with).collect::<String>()
+    };
+    let layers: Vec<_> = REGISTRY.iter().enumerate().map(layers).collect();
+    format!("Further layers for .exr pictures, such as albedo,depth\n\n{}.", layers.join("; "))
 }
 
 #[derive(clap::Args)]
 pub(super) struct Paper {
     #[command(flatten)]
     pub(super) common: Common,
-    /// Folder for paper.md, paper.json and pictures, made where it is missing [default: SCENE-paper].
-    #[arg(short, long = "output", value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-    /// Render each N times after warming up, and report medians; 0 renders once [default: 10, on a CPU 0].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    #[command(flatten)]
+    pub(super) machine: Machine,
+    /// Render each N times after warming up; 0 renders once [default: 10, on a CPU 0].
+    ///
+    /// Times are medians.
+    #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub(super) repeat: Option<u32>,
+    /// Folder for paper.md, paper.json and pictures [default: SCENE-paper].
+    ///
+    /// It is made where it is missing.
+    #[arg(short, long = "output", value_name = "DIR", help_heading = OUTPUT)]
+    pub(super) output: Option<PathBuf>,
 }
 
 #[derive(clap::Args)]
 pub(super) struct Chart {
     #[command(flatten)]
     pub(super) common: Common,
-    /// Folder for index.html, data.json, data.csv and pictures; a sweep that was cut short goes on there [default:
-    /// SCENE-chart].
-    #[arg(short, long = "output", value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-    /// Which settings: small, paper, full, or tables [[sweep]] of keys as for -D, lists multiplied out.
-    #[arg(long, value_name = "small|paper|full|FILE.toml", default_value = "small")]
+    #[command(flatten)]
+    pub(super) machine: Machine,
+    /// Settings to chart: small, paper, full or FILE.toml.
+    ///
+    /// A file holds tables [[sweep]] of keys as for -D, lists multiplied out.
+    #[arg(long, value_name = "GRID", help_heading = SPEED, default_value = "small")]
     pub(super) grid: String,
-    /// Picture to measure errors against, of all light and pixels' centres [default: one is rendered].
-    #[arg(long, value_name = "REF.exr", conflicts_with_all = ["reference_spp", "reference_depth"])]
+    /// Render each N times after warming up; 0 renders once [default: 5, on a CPU 0].
+    ///
+    /// Times are medians.
+    #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub(super) repeat: Option<u32>,
+    /// Begin no further measurement after this time, such as 30s or 10m.
+    ///
+    /// What has been measured is charted.
+    #[arg(long, value_name = "TIME", help_heading = SPEED, allow_hyphen_values = true, value_parser = duration)]
+    pub(super) time_limit: Option<Duration>,
+    /// Seeds each setting is rendered with, from --seed on.
+    #[arg(long, value_name = "K", help_heading = PICTURE, allow_negative_numbers = true, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(super) seeds: u32,
+    /// Picture to measure errors against [default: one is rendered].
+    ///
+    /// It shows all light, at pixels' centres.
+    #[arg(long, value_name = "REF.exr", help_heading = PICTURE, conflicts_with_all = ["reference_spp", "reference_depth"])]
     pub(super) reference: Option<PathBuf>,
     /// Samples a pixel of the reference [default: 16384, or what fits in 4 minutes].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
+    #[arg(long, value_name = "N", help_heading = PICTURE, hide_short_help = true, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
     pub(super) reference_spp: Option<u32>,
-    /// Edges of its longest paths, and of those of charted path tracing [default: 64, all light there is].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    /// Edges of the longest paths of reference and charted path tracing [default: 64, all light there is].
+    #[arg(long, value_name = "N", help_heading = PICTURE, hide_short_help = true, allow_negative_numbers = true)]
     pub(super) reference_depth: Option<u32>,
-    /// Seeds each setting is rendered with, from --seed on.
-    #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub(super) seeds: u32,
-    /// Render each N times after warming up, and report medians; 0 renders once [default: 5, on a CPU 0].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
-    pub(super) repeat: Option<u32>,
-    /// Begin no further measurement after this time, such as 30s or 10m, and chart what there is.
-    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = duration)]
-    pub(super) time_limit: Option<Duration>,
+    /// Folder for index.html, data.json, data.csv and pictures [default: SCENE-chart].
+    ///
+    /// A sweep that was cut short goes on there.
+    #[arg(short, long = "output", value_name = "DIR", help_heading = OUTPUT)]
+    pub(super) output: Option<PathBuf>,
 }
 
 #[derive(clap::Args)]
-#[command(mut_arg("size", |size| size.help(format!(
-    "Width and height in pixels, each 1 to 16384; bounds and verdicts are meant for the default [default: {}x{}]",
-    stress::SIZE[0], stress::SIZE[1]
-))))]
+#[command(mut_arg("size", |size| {
+    let [width, height] = stress::SIZE;
+    let help = format!("Width and height in pixels, each 1 to 16384 [default: {width}x{height}]");
+    size.long_help(format!("{help}\n\nBounds and verdicts are meant for the default.")).help(help)
+}))]
 pub(super) struct Stress {
+    /// Run this scene alone.
+    #[arg(long, value_name = "NAME", help_heading = SCENE, hide_possible_values = true, long_help = about_stress_scenes(), value_parser = stress_scenes())]
+    pub(super) only: Option<String>,
     #[command(flatten)]
     pub(super) machine: Machine,
-    /// Run this scene alone.
-    #[arg(long, value_name = "NAME", value_parser = stress_scenes())]
-    pub(super) only: Option<String>,
-    /// Folder for index.html, which shows every picture, and stress.json, made where it is missing [default: print
-    /// alone].
-    #[arg(short, long = "output", value_name = "DIR")]
+    /// Folder for index.html and stress.json [default: print alone].
+    ///
+    /// It is made where it is missing; index.html shows every picture.
+    #[arg(short, long = "output", value_name = "DIR", help_heading = OUTPUT)]
     pub(super) output: Option<PathBuf>,
 }
 
@@ -342,8 +419,10 @@ pub(super) struct Methods {
     /// Folder that `parhelion stress -o` has left [default: failures are left out].
     #[arg(long, value_name = "DIR")]
     pub(super) stress: Option<PathBuf>,
-    /// Page to write; its pictures, and each chart's as .svg, go to the folder of its name without .md.
-    #[arg(short, long = "output", value_name = "FILE.md", default_value = "methods.md")]
+    /// Page to write.
+    ///
+    /// Its pictures, and each chart's as .svg, go to the folder of its name without .md.
+    #[arg(short, long = "output", value_name = "FILE.md", help_heading = OUTPUT, default_value = "methods.md")]
     pub(super) output: PathBuf,
 }
 
@@ -356,35 +435,43 @@ pub(super) struct Compare {
     #[arg(value_name = "REF.exr")]
     pub(super) reference: PathBuf,
     /// Layer to compare, such as indirect or depth [default: the picture].
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = PICTURE)]
     pub(super) layer: Option<String>,
-    /// Write the error of each pixel as a picture: HDR-FLIP, of layers without three channels relative error.
-    #[arg(short, long = "output", value_name = "ERROR.png")]
+    /// Write the error of each pixel as a picture.
+    ///
+    /// HDR-FLIP; relative error of layers that do not have three channels.
+    #[arg(short, long = "output", value_name = "ERROR.png", help_heading = OUTPUT)]
     pub(super) output: Option<PathBuf>,
     /// Print JSON.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
 }
 
 #[derive(clap::Args)]
 pub(super) struct Doctor {
     /// Print JSON.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
 }
 
 #[derive(clap::Args)]
 pub(super) struct Graph {
-    /// .gltf, .glb, .obj or builtin:NAME [default: a built-in room].
+    /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
     pub(super) scene: Option<PathBuf>,
     /// Method whose frame is shown [default: igi].
-    #[arg(long, value_parser = methods())]
+    #[arg(long, help_heading = LIGHT, value_parser = methods())]
     pub(super) method: Option<String>,
     #[command(flatten)]
     pub(super) settings: Settings,
-    /// .dot (Graphviz) or .json [default: .dot to stdout].
-    #[arg(short, long = "output", value_name = "FILE")]
+    /// File to write, .dot (Graphviz) or .json [default: .dot to stdout].
+    #[arg(short, long = "output", value_name = "FILE", help_heading = OUTPUT)]
     pub(super) output: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Completions {
+    /// Shell that reads the script.
+    pub(super) shell: Shell,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -429,8 +516,15 @@ fn presets() -> PossibleValuesParser {
     PossibleValuesParser::new(PRESETS.iter().map(value))
 }
 
-fn visibilities() -> PossibleValuesParser {
-    PossibleValuesParser::new(Visibility::ALL.iter().map(|visibility| visibility.name()))
+/// A line for each preset, which short help has no room for.
+fn about_presets() -> String {
+    let lines = PRESETS.iter().map(|preset| format!("\n{}: {}", preset.name, preset.about));
+    format!("Settings under one name; -D and other options win over it.\n{}", lines.collect::<String>())
+}
+
+fn about_stress_scenes() -> String {
+    let names: Vec<_> = stress::cases().map(|case| case.name).collect();
+    format!("Run this scene alone: {}", names.join(", "))
 }
 
 fn operators() -> PossibleValuesParser {
@@ -529,7 +623,7 @@ mod tests {
     /// Where help states a default, it is the configuration's.
     #[test]
     fn help_states_the_defaults_there_are() {
-        let config = parhelion::config::RenderConfig::default();
+        let config = crate::config::RenderConfig::default();
         let mut command = Cli::command();
         let help = command.find_subcommand_mut("render").unwrap().render_long_help().to_string();
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");

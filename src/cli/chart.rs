@@ -3,14 +3,14 @@
 use super::args::Chart;
 use super::progress::Reporter;
 use super::{Failure, folder, input, interrupt, print, scene};
-use parhelion::chart::choose::Front;
-use parhelion::chart::sweep::{self, FILES};
-use parhelion::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
-use parhelion::config::{ConfigError, RenderConfig};
-use parhelion::methods;
-use parhelion::output;
-use parhelion::renderer::{self, Renderer, RendererOptions};
-use parhelion::vk::{self, DeviceKind, DeviceOptions};
+use crate::chart::choose::Front;
+use crate::chart::sweep::FILES;
+use crate::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
+use crate::config::{ConfigError, RenderConfig};
+use crate::methods;
+use crate::output;
+use crate::renderer::{self, Renderer, RendererOptions};
+use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::sync::atomic::Ordering;
@@ -31,14 +31,14 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     let given = args.reference.as_deref().map(|file| Reference::read(file, base.size));
     let given = given.transpose().map_err(|error| input!("--reference: {error}"))?;
     interrupt::listen()?;
-    let reporter = Reporter::new(&args.common);
+    let reporter = Reporter::new(&args.machine);
     let name = scene::name(&args.common);
     let (scene, camera) = scene::load(&args.common, None, &reporter)?;
 
-    let select = args.common.device.clone();
+    let select = args.machine.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
     reporter.stage("build", &name);
-    let options = RendererOptions { backend: args.common.backend.into(), ..RendererOptions::default() };
+    let options = RendererOptions { backend: args.machine.backend.into(), ..RendererOptions::default() };
     let mut renderer = Renderer::new(&device, scene, &options)?;
     fs::create_dir_all(&folder).map_err(|source| output::Error { file: folder.clone(), source })?;
 
@@ -86,14 +86,14 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     if interrupt::CANCEL.load(Ordering::SeqCst) {
         return Err(renderer::Error::Cancelled.into());
     }
-    if args.common.quiet {
+    if args.machine.quiet {
         return Ok(());
     }
     let mut text = chart.table();
     if !chart.complete {
         let done: u32 = chart.points.iter().map(|point| point.seeds).sum();
         let all = settings.len() as u32 * args.seeds;
-        let _ = writeln!(text, "\nnot complete: {done} of {all} measurements; the same command goes on");
+        let _ = writeln!(text, "\nnot complete: {done} of {all} measurements; run the same command to go on");
     }
     let _ = writeln!(text, "\n{}", folder.join(FILES[2]).display());
     print(&text)
@@ -101,31 +101,11 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
 
 /// Paths begin at pixels' centres, as the other methods' do, and are as long as the reference's.
 fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
-    let mut base = super::base(&args.common)?;
+    let mut base = super::base(&args.machine)?;
     methods::comparable(&mut base, Some(depth));
     base.validate().map_err(|error| match error {
         ConfigError::Value { problem, .. } => input!("--reference-depth: {problem}"),
         error => error.into(),
     })?;
     Ok(base)
-}
-
-impl From<sweep::Error> for Failure {
-    fn from(error: sweep::Error) -> Self {
-        match error {
-            sweep::Error::Render(error) => error.into(),
-            sweep::Error::File(error) => error.into(),
-            other @ sweep::Error::Other { .. } => Self::input(other),
-        }
-    }
-}
-
-impl From<reference::ReferenceError> for Failure {
-    fn from(error: reference::ReferenceError) -> Self {
-        match error {
-            reference::ReferenceError::Render(error) => error.into(),
-            reference::ReferenceError::File(error) => error.into(),
-            other @ reference::ReferenceError::Unfit { .. } => Self::input(other),
-        }
-    }
 }

@@ -3,13 +3,13 @@
 use super::args::Render;
 use super::progress::Reporter;
 use super::{Failure, input, interrupt};
-use parhelion::chart::choose::{Candidate, Front, Probe, Wish, choose, probe};
-use parhelion::chart::data::{Chart, SCHEMA};
-use parhelion::chart::{grid, reference};
-use parhelion::config::RenderConfig;
-use parhelion::metrics;
-use parhelion::renderer::{Frame, Progress, Renderer};
-use parhelion::scene::Camera;
+use crate::chart::choose::{Candidate, Front, Probe, Wish, choose, probe};
+use crate::chart::data::{Chart, SCHEMA};
+use crate::chart::{grid, reference};
+use crate::config::RenderConfig;
+use crate::metrics;
+use crate::renderer::{Frame, Progress, Renderer};
+use crate::scene::Camera;
 use std::path::Path;
 
 /// What was picked, and why.
@@ -24,7 +24,7 @@ pub(super) fn wish(args: &Render) -> Result<Option<Wish>, Failure> {
     let budget = args.budget.map(|budget| Wish::Ms(1e3 * budget.as_secs_f64()));
     let wish = budget.or(args.error.map(Wish::RelMse));
     if wish.is_none() && args.front.is_some() {
-        return Err(input!("--front: picks nothing without --budget or --error"));
+        return Err(input!("--front: needs --budget or --error"));
     }
     Ok(wish)
 }
@@ -63,7 +63,7 @@ pub(super) fn chosen(
         Wish::Ms(ms) => format!("budget {ms} ms"),
         Wish::RelMse(error) => format!("error {error}"),
     };
-    let nearest = if choice.fulfils { "" } else { " (nothing fulfils it; the nearest)" };
+    let nearest = if choice.fulfils { "" } else { " (nothing fulfils it; this is the nearest)" };
     let report = format!(
         "picked for {asked}{nearest}: {label}\npredicted: {ms:.2} ms, relMSE {rel_mse:.4}, by {}\n",
         front.about

@@ -1,9 +1,9 @@
 //! `parhelion compare`.
 
 use super::args::Compare;
-use super::{Failure, extension, input, print};
-use parhelion::metrics::{self, Errors, FlipMap};
-use parhelion::output::{self, ReadPicture, magma};
+use super::{Failure, input, print};
+use crate::metrics::{self, Errors, FlipMap};
+use crate::output::{self, ReadPicture, extension, magma};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -51,10 +51,7 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
                 [r, g, b, u8::MAX]
             })
             .collect();
-        let texts = [
-            ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
-            ("Error", mapping.clone()),
-        ];
+        let texts = [("Software", output::SOFTWARE.to_owned()), ("Error", mapping.clone())];
         output::write_png(file, width as u32, &pixels, &texts)?;
         if !args.json {
             let _ = writeln!(text, "{}: {mapping}", file.display());

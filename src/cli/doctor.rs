@@ -1,14 +1,13 @@
 //! `parhelion doctor`.
 
 use super::{Failure, args, print};
+use crate::ErrorClass;
+use crate::config::RenderConfig;
+use crate::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing};
+use crate::scene::{Camera, Instance, Material, Mesh, Scene};
+use crate::vk::Backend;
+use crate::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use glam::Vec3;
-use parhelion::config::RenderConfig;
-use parhelion::renderer::{
-    Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing,
-};
-use parhelion::scene::{Camera, Instance, Material, Mesh, Scene};
-use parhelion::vk::Backend;
-use parhelion::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use std::fmt::Write;
 
 /// What was found out about one device.
@@ -63,9 +62,10 @@ pub(super) fn run(args: &args::Doctor) -> Result<(), Failure> {
     }
     match suitable.clone().find(|report| !report.works()) {
         None => Ok(()),
-        Some(report) => {
-            Err(Failure { code: 1, error: anyhow::anyhow!("device {} does not work", report.info.index) })
-        }
+        Some(report) => Err(Failure {
+            class: ErrorClass::Other,
+            error: anyhow::anyhow!("device {} does not work", report.info.index),
+        }),
     }
 }
 

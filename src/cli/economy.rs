@@ -1,10 +1,10 @@
 //! What things that a scene does not need would cost, had they not been left out: the table of `render --explain`.
 
 use super::interrupt;
-use parhelion::config::RenderConfig;
-use parhelion::renderer::{Error, FrameRequest, Progress, Renderer};
-use parhelion::scene::{Camera, Feature};
-use parhelion::vk::DeviceKind;
+use crate::config::RenderConfig;
+use crate::renderer::{Error, FrameRequest, Progress, Renderer};
+use crate::scene::{Camera, Feature};
+use crate::vk::DeviceKind;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -65,7 +65,7 @@ impl Economy {
         let things = self.features.iter().map(|&(feature, ms)| (format!("  {}", feature.name()), ms));
         let rows: Vec<_> = std::iter::once(("everything".to_owned(), self.general)).chain(things).collect();
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0).max(20);
-        let mut text = format!("{:<width$}  {:>9}  ratio\n", "modelled for nothing", "ms");
+        let mut text = format!("{:<width$}  {:>9}  ratio\n", "modelled, not needed", "ms");
         let _ = writeln!(text, "{:<width$}  {:>9.3}", "nothing", self.specialised);
         for (name, ms) in rows {
             let _ = writeln!(text, "{name:<width$}  {ms:>9.3}  {:>5.2}", ms / self.specialised);

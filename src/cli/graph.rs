@@ -1,8 +1,9 @@
 //! `parhelion graph`.
 
-use super::{Failure, args, extension, input, load, print};
-use parhelion::graph::Typical;
-use parhelion::{output, renderer};
+use super::{Failure, args, input, load, print};
+use crate::graph::Typical;
+use crate::output::{self, extension};
+use crate::renderer;
 use std::io::Write;
 
 pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {

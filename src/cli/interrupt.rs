@@ -1,6 +1,6 @@
 //! Ctrl-C: work that can stop in good order is asked to, anything else ends at once.
 
-use parhelion::output::discard_unfinished;
+use crate::output::discard_unfinished;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,6 +18,7 @@ pub(super) fn heeded() {
 /// Listens for SIGINT and SIGTERM.
 #[cfg(unix)]
 pub(super) fn listen() -> io::Result<()> {
+    use crate::ErrorClass;
     use signal_hook::consts::{SIGINT, SIGTERM};
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".into()).spawn(move || {
@@ -25,7 +26,7 @@ pub(super) fn listen() -> io::Result<()> {
             if CANCEL.swap(true, Ordering::SeqCst) || !HEEDED.load(Ordering::SeqCst) {
                 discard_unfinished();
                 // Without exit handlers: drivers' own run while their threads still work.
-                signal_hook::low_level::exit(130);
+                signal_hook::low_level::exit(i32::from(super::exit_code(ErrorClass::Interrupted)));
             }
         }
     })?;

@@ -1,9 +1,9 @@
 //! `parhelion methods`.
 
 use super::args::Methods;
-use super::{Failure, extension, input};
-use parhelion::docs::{self, Measurements};
-use parhelion::output;
+use super::{Failure, input};
+use crate::docs::Measurements;
+use crate::output::{self, extension};
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;
@@ -31,10 +31,4 @@ pub(super) fn run(args: &Methods) -> Result<(), Failure> {
         output::write_file(&folder.join(name), |out| out.write_all(bytes))?;
     }
     Ok(output::write_file(file, |out| out.write_all(page.text.as_bytes()))?)
-}
-
-impl From<docs::Error> for Failure {
-    fn from(error: docs::Error) -> Self {
-        Self::input(error)
-    }
 }

@@ -3,10 +3,10 @@
 use super::args::Paper;
 use super::progress::Reporter;
 use super::{Failure, base, folder, interrupt, print, scene};
-use parhelion::output;
-use parhelion::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
-use parhelion::renderer::{self, Renderer};
-use parhelion::vk::{self, DeviceKind, DeviceOptions};
+use crate::output;
+use crate::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
+use crate::renderer::{self, Renderer};
+use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
@@ -16,19 +16,19 @@ use std::path::Path;
 const REPEAT: u32 = 10;
 
 pub(super) fn run(args: &Paper) -> Result<(), Failure> {
-    let base = base(&args.common)?;
+    let base = base(&args.machine)?;
     let pictures = APPROACHES.iter().flat_map(|a| std::iter::once(a.picture()).chain(a.difference()));
     let files = ["paper.json", "paper.md"].map(String::from).into_iter().chain(pictures);
     let folder = folder(args.output.as_deref(), &args.common, "-paper", files)?;
     interrupt::listen()?;
-    let reporter = Reporter::new(&args.common);
+    let reporter = Reporter::new(&args.machine);
     let name = scene::name(&args.common);
     let (scene, camera) = scene::load(&args.common, None, &reporter)?;
 
-    let select = args.common.device.clone();
+    let select = args.machine.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
     reporter.stage("build", &name);
-    let mut renderer = Renderer::new(&device, scene, &paper::renderer_options(args.common.backend.into()))?;
+    let mut renderer = Renderer::new(&device, scene, &paper::renderer_options(args.machine.backend.into()))?;
 
     interrupt::heeded();
     reporter.stage("render", &name);
@@ -43,7 +43,7 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     };
     let report = paper::run(&mut renderer, &experiment, |report, pictures| write(&folder, report, pictures))?;
     drop(reporter);
-    if args.common.quiet {
+    if args.machine.quiet {
         return Ok(());
     }
     let mut text = report.markdown();
@@ -60,7 +60,7 @@ fn write(folder: &Path, report: &Report, pictures: Option<(&Row, Pictures<'_>)>)
         let [width, _] = report.base.size;
         let texts = |more: (&'static str, String)| {
             [
-                ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
+                ("Software", output::SOFTWARE.to_owned()),
                 ("Approach", format!("{}, {} VPLs", row.approach, row.vpls)),
                 ("Tone mapping", report.base.tone_map.operator.title().to_owned()),
                 ("Exposure", format!("{:+.2} EV (that of {})", report.exposure_ev, APPROACHES[0].preset)),

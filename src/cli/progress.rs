@@ -1,8 +1,8 @@
 //! What the user sees while waiting, and logs, which share stderr with it.
 
 use super::args::{Machine, ProgressWord};
+use crate::renderer::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use parhelion::renderer::Progress;
 use std::cell::Cell;
 use std::io::{self, IsTerminal, Write};
 use std::sync::OnceLock;

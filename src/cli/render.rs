@@ -5,17 +5,15 @@ use super::progress::Reporter;
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{Failure, choose, economy, extension, input, interrupt, print, scene};
+use super::{Failure, choose, economy, input, interrupt, print, scene};
+use crate::config::RenderConfig;
+use crate::denoise::Denoiser;
+use crate::output::{self, extension};
+use crate::picture::{self, Origin};
+use crate::renderer::{self, Frame, FrameRequest, Preview, Renderer, RendererOptions, Resume};
+use crate::scene::{Environment, SceneProfile};
+use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
-use parhelion::config::RenderConfig;
-use parhelion::denoise::Denoiser;
-use parhelion::output::{self, Attribute, Channels, Picture};
-use parhelion::renderer::{
-    self, Aov, Frame, FrameRequest, Layer, Preview, Renderer, RendererOptions, Resume,
-};
-use parhelion::scene::{Camera, Environment, SceneProfile};
-use parhelion::techniques::path_trace::PathTraceConfig;
-use parhelion::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -31,7 +29,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let denoiser = denoiser(args)?;
     let outputs = outputs(args)?;
     interrupt::listen()?;
-    let reporter = Reporter::new(&args.common);
+    let reporter = Reporter::new(&args.machine);
 
     let name = scene::name(&args.common);
     let environment = args.environment.as_deref().map(environment).transpose()?;
@@ -39,11 +37,11 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
 
-    let select = args.common.device.clone();
+    let select = args.machine.device.clone();
     let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
     reporter.stage("build", &name);
     let options =
-        RendererOptions { backend: args.common.backend.into(), visibility: config.indirect.visibility };
+        RendererOptions { backend: args.machine.backend.into(), visibility: config.indirect.visibility };
     let mut renderer = Renderer::new(&device, scene, &options)?;
     let chosen = match wish {
         Some(wish) => {
@@ -58,7 +56,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     left_out.iter().for_each(|line| reporter.note(line));
 
     let origin = Origin::of(&renderer, &camera);
-    let resume = args.resume.as_deref().map(|file| resume(file, args, &config, &origin)).transpose()?;
+    let halves = args.noise.is_some() || args.aov.iter().any(|aov| aov.takes_halves());
+    let resume = args.resume.as_deref().map(|file| Resume::read(file, &config, &origin, halves));
+    let resume = resume.transpose().map_err(|error| input!("--resume: {error}"))?;
 
     interrupt::heeded();
     reporter.stage("render", &name);
@@ -67,7 +67,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     // What can't be written shows when the last picture is.
     let show = |frame: &Frame| {
         for file in &outputs {
-            if let Err(error) = write(file, &origin, &config, frame) {
+            if let Err(error) = picture::write(file, &origin, &config, frame) {
                 tracing::warn!("{error}");
             }
         }
@@ -113,11 +113,12 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
             return Err(renderer::Error::Cancelled.into());
         }
-        let what = write(file, &origin, &config, &frame)?;
+        picture::write(file, &origin, &config, &frame)?;
+        let what = content(file, &config, &frame);
         let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
     }
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
-        output::write_exr(file, &tapped(tap, layer))?;
+        output::write_exr(file, &picture::tapped(tap, layer))?;
         let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
     }
     // What has been rendered is told, whatever becomes of this.
@@ -139,7 +140,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let _ = writeln!(report, "{}: statistics", file.display());
     }
     drop(reporter);
-    if !args.common.quiet {
+    if !args.machine.quiet {
         print(&report)?;
     }
     if let Some(error) = failed {
@@ -151,37 +152,22 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     if cut { Err(renderer::Error::Cancelled.into()) } else { Ok(()) }
 }
 
-/// Writes one picture; returns what it is.
-fn write(
-    file: &Path,
-    origin: &Origin,
-    config: &RenderConfig,
-    frame: &Frame,
-) -> Result<String, output::Error> {
-    if extension(file).as_deref() == Some("exr") {
-        output::write_exr(file, &picture(origin, config, frame))?;
-        let denoised = if frame.denoised.is_some() { ", denoised" } else { "" };
-        return Ok(format!("linear radiance{denoised}"));
-    }
-    let exposure = exposure(config, frame);
-    let operator = config.tone_map.operator.title();
-    let mut texts = vec![
-        ("Software", concat!("parhelion ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("Tone mapping", operator.to_owned()),
-        ("Exposure", exposure.clone()),
-    ];
-    let glare = &config.glare;
-    let mut what = format!("{operator}, exposure {exposure}");
-    if glare.strength > 0.0 {
-        texts.push(("Glare", format!("strength {}, radius {}", glare.strength, glare.radius)));
-        let _ = write!(what, ", glare {}", glare.strength);
-    }
-    if let Some(denoised) = &frame.denoised {
-        texts.push(("Denoiser", denoised.by.clone()));
+/// What a picture holds, in words.
+fn content(file: &Path, config: &RenderConfig, frame: &Frame) -> String {
+    let mut what = if extension(file).as_deref() == Some("exr") {
+        "linear radiance".to_owned()
+    } else {
+        let exposure = picture::exposure(config, frame);
+        let mut what = format!("{}, exposure {exposure}", config.tone_map.operator.title());
+        if config.glare.strength > 0.0 {
+            let _ = write!(what, ", glare {}", config.glare.strength);
+        }
+        what
+    };
+    if frame.denoised.is_some() {
         what.push_str(", denoised");
     }
-    output::write_png(file, frame.beauty.width, &frame.display, &texts)?;
-    Ok(what)
+    what
 }
 
 /// Open Image Denoise, if it is asked for, from where the environment says it is.
@@ -196,101 +182,12 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
         ));
     }
     if args.resume.is_some() {
-        return Err(input!("--denoise: --resume goes on with a reference, and a denoised picture is none"));
+        return Err(input!(
+            "--denoise: not with --resume, which goes on with a reference: a denoised picture is none"
+        ));
     }
     let path = std::env::var_os("PARHELION_OIDN").map(PathBuf::from);
     Ok(Some(Denoiser::load(path.as_deref())?))
-}
-
-/// Where a picture comes from, for its header.
-struct Origin {
-    scene: String,
-    scene_hash: String,
-    device: String,
-    driver: String,
-    backend: &'static str,
-}
-
-impl Origin {
-    fn of(renderer: &Renderer, camera: &Camera) -> Self {
-        let info = renderer.device().info();
-        Self {
-            scene: renderer.scene().name.clone(),
-            scene_hash: format!("{:016x}", renderer.scene().fingerprint(camera)),
-            device: info.name.clone(),
-            driver: info.driver(),
-            backend: renderer.backend().0.name(),
-        }
-    }
-}
-
-/// The settings that decide which samples there are, as text; how many is not one of them.
-fn sampling(config: &RenderConfig) -> String {
-    let path_trace =
-        PathTraceConfig { spp: 0, max_depth: Some(config.max_depth()), ..config.path_trace.clone() };
-    let (method, energy_conserving) = (config.method.name, config.energy_conserving);
-    serde_json::json!({ "method": method, "path_trace": path_trace, "energy_conserving": energy_conserving })
-        .to_string()
-}
-
-/// Reads what a render of the same picture left behind.
-fn resume(file: &Path, args: &Render, config: &RenderConfig, origin: &Origin) -> Result<Resume, Failure> {
-    let name = file.display();
-    let read = output::read_exr(file).map_err(Failure::input)?;
-    let text = |key: &str| match read.attributes.get(key) {
-        Some(Attribute::Text(text)) => Some(text.clone()),
-        Some(Attribute::Number(number)) => Some(number.to_string()),
-        None => None,
-    };
-    let samples = text("parhelion:samples").and_then(|n| n.parse().ok());
-    let Some(samples) = samples.filter(|&n: &u32| n > 0) else {
-        return Err(input!("--resume: {name}: not a picture that --method path wrote"));
-    };
-    let differs = |what: &str, there: String, here: String| {
-        input!("--resume: {name}: its {what} is {there}, not {here}")
-    };
-    let size = |[width, height]: [u32; 2]| format!("{width}x{height}");
-    if read.size != config.size {
-        return Err(differs("size", size(read.size), size(config.size)));
-    }
-    if read.window != config.window() {
-        return Err(differs("window", format!("{:?}", read.window), format!("{:?}", config.window())));
-    }
-    for (what, key, here) in [
-        ("scene hash", "parhelion:scene_hash", origin.scene_hash.clone()),
-        ("seed", "parhelion:seed", config.seed.to_string()),
-        ("backend", "parhelion:backend", origin.backend.to_owned()),
-        ("sampling", "parhelion:sampling", sampling(config)),
-    ] {
-        let there = text(key).unwrap_or_default();
-        if there != here {
-            return Err(differs(what, there, here));
-        }
-    }
-    let layer = |names: [&str; 3]| {
-        let [x0, y0, x1, y1] = read.window;
-        Some(Layer { width: x1 - x0, height: y1 - y0, channels: 3, data: read.interleaved(&names)? })
-    };
-    let noisy = layer(["noisy.R", "noisy.G", "noisy.B"]);
-    let Some(mean) = noisy.or_else(|| layer(["R", "G", "B"])) else {
-        return Err(input!("--resume: {name}: has no channels R, G and B"));
-    };
-    let halves = layer(["half_a.R", "half_a.G", "half_a.B"])
-        .zip(layer(["half_b.R", "half_b.G", "half_b.B"]))
-        .map(|(a, b)| [a, b]);
-    let rates = layer(["rate.now", "rate.variance", "rate.taken"]);
-    let halved = args.aov.iter().any(|aov| aov.takes_halves());
-    if config.path_trace.adaptive && (halves.is_none() || rates.is_none()) {
-        return Err(input!(
-            "--resume: {name}: has no layers half_a, half_b and rate, which --adaptive goes on from"
-        ));
-    }
-    if halves.is_none() && (args.noise.is_some() || halved) {
-        return Err(input!(
-            "--resume: {name}: has no layers half_a and half_b, which --noise and --aov variance go on from"
-        ));
-    }
-    Ok(Resume { samples, mean, halves, rates })
 }
 
 /// A file, or three numbers.
@@ -393,75 +290,4 @@ fn extent(config: &RenderConfig) -> String {
         Some([x0, y0, x1, y1]) => format!("{x0},{y0} to {x1},{y1} of {width}x{height}"),
         None => format!("{width}x{height}"),
     }
-}
-
-fn exposure(config: &RenderConfig, frame: &Frame) -> String {
-    let how = match (config.tone_map.exposure, config.crop) {
-        (Some(_), _) => "",
-        (None, None) => " (auto)",
-        (None, Some(_)) => " (auto, of the crop)",
-    };
-    format!("{:+.2} EV{how}", frame.exposure_ev)
-}
-
-fn picture<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Picture<'a> {
-    let mut channels = vec![channels(&["R", "G", "B"].map(String::from), &frame.beauty)];
-    for (aov, layer) in &frame.aovs {
-        let name = |suffix: &&str| match aov {
-            Aov::Depth => (*suffix).to_owned(),
-            _ => format!("{}.{suffix}", aov.name()),
-        };
-        channels.push(self::channels(&aov.channel_names().iter().map(name).collect::<Vec<_>>(), layer));
-    }
-    if let Some(denoised) = &frame.denoised {
-        channels.push(self::channels(&["noisy.R", "noisy.G", "noisy.B"].map(String::from), &denoised.noisy));
-    }
-    let text = |value: &dyn ToString| Attribute::Text(value.to_string());
-    let json = |value: serde_json::Result<String>| Attribute::Text(value.unwrap_or_default());
-    let number = |value: f64| Attribute::Number(value);
-    let mut attributes = vec![
-        ("parhelion:version", text(&env!("CARGO_PKG_VERSION"))),
-        ("parhelion:scene", text(&origin.scene)),
-        ("parhelion:scene_hash", text(&origin.scene_hash)),
-        ("parhelion:method", text(&config.method.name)),
-        ("parhelion:settings", json(serde_json::to_string(config))),
-        ("parhelion:seed", number(config.seed.into())),
-        ("parhelion:device", text(&origin.device)),
-        ("parhelion:driver", text(&origin.driver)),
-        ("parhelion:backend", text(&origin.backend)),
-        ("parhelion:times", json(serde_json::to_string(&frame.passes))),
-        ("parhelion:exposure_ev", number(frame.exposure_ev.into())),
-    ];
-    if let Some(denoised) = &frame.denoised {
-        attributes.push(("parhelion:denoiser", text(&denoised.by)));
-    }
-    if let Some(count) = frame.vpl_count {
-        attributes.push(("parhelion:vpl_count", number(count.into())));
-    }
-    if let Some(samples) = frame.samples {
-        attributes.push(("parhelion:samples", number(samples.into())));
-        attributes.push(("parhelion:sampling", text(&sampling(config))));
-    }
-    if let Some(noise) = frame.noise {
-        attributes.push(("parhelion:noise", number(noise)));
-    }
-    Picture { size: config.size, window: config.window(), channels, attributes }
-}
-
-fn tapped<'a>(tap: &str, layer: &'a Layer) -> Picture<'a> {
-    let names = match layer.channels {
-        1 => vec!["Y".to_owned()],
-        n @ 2..=4 => ["R", "G", "B", "A"][..n].iter().map(ToString::to_string).collect(),
-        n => (0..n).map(|channel| format!("c{channel}")).collect(),
-    };
-    Picture {
-        size: [layer.width, layer.height],
-        window: [0, 0, layer.width, layer.height],
-        channels: vec![channels(&names, layer)],
-        attributes: vec![("parhelion:tap", Attribute::Text(tap.to_owned()))],
-    }
-}
-
-fn channels<'a>(names: &[String], layer: &'a Layer) -> Channels<'a> {
-    Channels { names: names.to_vec(), data: &layer.data }
 }

@@ -3,8 +3,8 @@
 use super::args::Common;
 use super::progress::Reporter;
 use super::{Failure, input};
+use crate::scene::{Camera, Environment, Scene, SceneProfile, builtin};
 use glam::Vec3;
-use parhelion::scene::{Camera, Environment, Scene, SceneProfile, builtin};
 use std::ffi::OsString;
 use std::path::Path;
 

@@ -2,19 +2,19 @@
 
 use super::args::{Render, Settings};
 use super::{Failure, input};
-use parhelion::config::{ConfigError, MAX_SPP, RenderConfig};
-use parhelion::methods::{Method, igi, path};
+use crate::config::{ConfigError, MAX_SPP, RenderConfig};
+use crate::methods::{Method, REGISTRY};
 
 /// What an option sets: its word, its key and, where it is given, its value.
 pub(super) type Assignment = (&'static str, &'static str, Option<String>);
 
 impl Settings {
-    /// What the file says.
-    fn read(&self) -> Result<RenderConfig, Failure> {
-        match &self.config {
-            Some(file) => Ok(RenderConfig::from_toml(file)?),
-            None => Ok(RenderConfig::default()),
+    /// What the file says, on top of `base`.
+    fn read(&self, mut base: RenderConfig) -> Result<RenderConfig, Failure> {
+        if let Some(file) = &self.config {
+            base.apply_toml(file)?;
         }
+        Ok(base)
     }
 
     /// The preset, the assignments, then the options.
@@ -52,7 +52,7 @@ impl Settings {
 
     /// Builds and checks the configuration where `options` are all that is said beside.
     pub(super) fn with(&self, options: &[Assignment]) -> Result<RenderConfig, Failure> {
-        let mut config = self.read()?;
+        let mut config = self.read(RenderConfig::default())?;
         self.apply(&mut config, options)?;
         self.check(&config, options)?;
         Ok(config)
@@ -61,69 +61,45 @@ impl Settings {
 
 /// Builds and checks the configuration; errors name the option, assignment or file they come from.
 pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
-    let mut config = args.settings.read()?;
+    let mut base = RenderConfig::default();
     // One limit needs no other, unless it is given.
-    let limited = args.time.is_some() || args.noise.is_some();
-    if limited && config.path_trace.spp == RenderConfig::default().path_trace.spp {
-        config.path_trace.spp = MAX_SPP;
+    if args.time.is_some() || args.noise.is_some() {
+        for progressive in REGISTRY.iter().filter_map(|method| method.progressive) {
+            (progressive.set_samples)(&mut base, MAX_SPP);
+        }
     }
-    let options = [
+    let mut config = args.settings.read(base)?;
+    let mut options = vec![
         ("--method", "method", args.method.clone()),
-        ("--size", "size", args.common.size.map(|size| format!("{size:?}"))),
-        ("--seed", "seed", args.common.seed.map(|seed| seed.to_string())),
+        ("--size", "size", args.machine.size.map(|size| format!("{size:?}"))),
+        ("--seed", "seed", args.machine.seed.map(|seed| seed.to_string())),
         ("--pixel-samples", "pixel_samples", args.pixel_samples.map(|samples| samples.to_string())),
         ("--crop", "crop", args.crop.map(|crop| format!("{crop:?}"))),
-        ("--vpls", "vpl_shoot.vpls", args.vpls.map(|vpls| vpls.to_string())),
-        ("--bounces", "vpl_shoot.bounces", args.bounces.map(|bounces| bounces.to_string())),
-        (
-            "--min-distance",
-            "indirect.min_distance",
-            args.min_distance.map(|distance| format!("{distance:?}")),
-        ),
-        ("--downsample", "indirect.downsample", args.downsample.map(|n| n.to_string())),
-        ("--upsample", "indirect.upsample", args.upsample.clone()),
-        ("--interleave", "indirect.interleave", args.interleave.map(|n| n.to_string())),
-        ("--pattern", "indirect.pattern", args.pattern.clone()),
-        ("--filter", "indirect.filter", args.filter.clone()),
-        ("--visibility", "indirect.visibility", args.visibility.clone()),
-        ("--box-split", "indirect.box_split", args.box_split.map(|length| format!("{length:?}"))),
-        ("--spp", "path_trace.spp", args.spp.map(|spp| spp.to_string())),
-        ("--max-depth", "path_trace.max_depth", args.max_depth.map(|depth| depth.to_string())),
-        ("--estimator", "path_trace.estimator", args.estimator.clone()),
-        ("--transport", "path_trace.transport", args.transport.clone()),
-        ("--pixel-filter", "path_trace.pixel_filter", args.pixel_filter.clone()),
-        ("--adaptive", "path_trace.adaptive", args.adaptive.then(|| "true".into())),
         ("--exposure", "tone_map.exposure", args.exposure.clone()),
         ("--tone-map", "tone_map.operator", args.tone_map.clone()),
         ("--glare", "glare.strength", args.glare.map(|strength| format!("{strength:?}"))),
     ];
+    options.extend(args.method_options.assignments());
     args.settings.apply(&mut config, &options)?;
-    let of = |method: &'static Method| move |option| (option, method);
-    let groups = options.iter().filter(|(.., value)| value.is_some()).filter_map(|(option, key, _)| {
-        let method = match key.split('.').next() {
-            Some("path_trace") => &path::METHOD,
-            Some("whitted" | "indirect") => &igi::METHOD,
-            _ => return None,
-        };
-        Some((*option, method))
-    });
-    let path_only = [
+    let method = config.method;
+    let used = |option: &str, has: fn(&Method, &str) -> bool| match has(method, option) {
+        true => Ok(()),
+        false => {
+            let other = REGISTRY.iter().find(|other| has(other, option)).map_or("none", |other| other.name);
+            Err(input!("{option}: method {} has no use for it, {other} has", method.name))
+        }
+    };
+    for (option, ..) in args.method_options.assignments() {
+        used(option, |method, word| method.options.iter().any(|option| option.word == word))?;
+    }
+    for (option, given) in [
         ("--time", args.time.is_some()),
         ("--noise", args.noise.is_some()),
         ("--preview", args.preview.is_some()),
         ("--resume", args.resume.is_some()),
-    ];
-    let path_only = path_only.into_iter().filter_map(|(option, given)| given.then_some(option));
-    for (option, method) in groups
-        .chain(args.vpls.map(|_| "--vpls").map(of(&igi::METHOD)))
-        .chain(path_only.map(of(&path::METHOD)))
-    {
-        if method != config.method {
-            return Err(input!(
-                "{option}: method {} has no use for it, {} has",
-                config.method.name,
-                method.name
-            ));
+    ] {
+        if given {
+            used(option, |method, _| method.progressive.is_some())?;
         }
     }
     args.settings.check(&config, &options)?;

@@ -2,9 +2,9 @@
 
 use super::args::Render;
 use super::economy::Economy;
-use parhelion::config::RenderConfig;
-use parhelion::renderer::{Frame, Renderer};
-use parhelion::scene::{Camera, SceneProfile, View};
+use crate::config::RenderConfig;
+use crate::renderer::{Frame, Renderer};
+use crate::scene::{Camera, SceneProfile, View};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -3,11 +3,12 @@
 use super::args::Stress;
 use super::progress::Reporter;
 use super::{Failure, base, check_folder, interrupt, print};
-use parhelion::output;
-use parhelion::renderer::Progress;
-use parhelion::stress::data::{self, Row, Verdict};
-use parhelion::stress::{self, Options, report};
-use parhelion::vk::{self, DeviceOptions};
+use crate::ErrorClass;
+use crate::output;
+use crate::renderer::Progress;
+use crate::stress::data::{self, Row, Verdict};
+use crate::stress::{self, Options, report};
+use crate::vk::{self, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
@@ -52,7 +53,10 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
         0 => Ok(()),
         failed => {
             let all = stress.rows.len();
-            Err(Failure { code: 1, error: anyhow::anyhow!("{failed} of {all} results fail unexpectedly") })
+            Err(Failure {
+                class: ErrorClass::Other,
+                error: anyhow::anyhow!("{failed} of {all} results fail unexpectedly"),
+            })
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Milliseconds by pass, for people.
 
-use parhelion::renderer::{Frame, PassStats};
+use crate::renderer::{Frame, PassStats};
 use std::fmt::Write;
 
 /// One line a group of passes and one for each pass in it, then their sum, and the frame where passes overlap.
@@ -66,31 +66,12 @@ fn row(name: &str, ms: Option<f64>, rays: Option<u64>, total: Option<f64>) -> [S
 #[cfg(test)]
 mod tests {
     use super::*;
-    use parhelion::renderer::Layer;
+    use crate::common;
 
     fn frame(passes: &[(&str, Option<f64>, Option<u64>)]) -> Frame {
         let passes =
             passes.iter().map(|&(path, ms, rays)| PassStats { path: path.into(), ms, rays }).collect();
-        Frame {
-            beauty: Layer { width: 0, height: 0, channels: 3, data: Vec::new() },
-            denoised: None,
-            display: Vec::new(),
-            exposure_ev: 0.0,
-            aovs: Vec::new(),
-            taps: Vec::new(),
-            passes,
-            total_ms: Some(8.0),
-            beside_ms: Vec::new(),
-            wall_ms: 9.0,
-            rays: 3_000_000,
-            vpl_count: None,
-            regathered: None,
-            path_count: None,
-            min_distance: None,
-            samples: None,
-            noise: None,
-            peak_device_bytes: 0,
-        }
+        Frame { passes, total_ms: Some(8.0), rays: 3_000_000, ..common::frame() }
     }
 
     fn cells(table: &str) -> Vec<Vec<&str>> {

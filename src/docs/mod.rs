@@ -4,6 +4,7 @@
 mod markdown;
 mod ways;
 
+use crate::ErrorClass;
 use crate::chart::data::Chart;
 use crate::chart::{data, grid, picture};
 use crate::config::RenderConfig;
@@ -20,7 +21,7 @@ pub const WIDEST: u32 = 320;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file that cannot be read.
-    #[error("{}: {source}; `parhelion {command} -o {}` makes it", file.display(), folder.display())]
+    #[error("{}: {source}; make it with `parhelion {command} -o {}`", file.display(), folder.display())]
     Read {
         /// The file.
         file: PathBuf,
@@ -39,6 +40,14 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+}
+
+impl Error {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 /// Charts and the stress suite.
@@ -113,7 +122,7 @@ fn json<T: DeserializeOwned>(
     let found = value.get("schema").and_then(serde_json::Value::as_u64);
     if let Some(found) = found.filter(|found| *found != u64::from(schema)) {
         return Err(unfit(format!(
-            "of form {found}, this program knows {schema}; `parhelion {command}` makes it anew"
+            "of form {found}, but this program reads form {schema}; make it anew with `parhelion {command}`"
         )));
     }
     let read = serde_json::from_value(value).map_err(foreign)?;

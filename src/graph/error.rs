@@ -1,3 +1,4 @@
+use crate::ErrorClass;
 use std::fmt;
 
 /// Something declared wrongly, found while recording or planning; no device was touched.
@@ -51,6 +52,14 @@ impl fmt::Display for Mistake {
 }
 
 impl std::error::Error for Mistake {}
+
+impl Mistake {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
+}
 
 /// What a plan does wrong.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -120,6 +129,19 @@ pub enum Error {
     /// The device or its driver.
     #[error(transparent)]
     Vulkan(#[from] crate::vk::Error),
+}
+
+impl Error {
+    /// What kind of failure this is.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        match self {
+            Self::Declaration(mistake) => mistake.class(),
+            Self::Cancelled => ErrorClass::Interrupted,
+            Self::Plan(_) => ErrorClass::Other,
+            Self::Vulkan(error) => error.class(),
+        }
+    }
 }
 
 /// ` (did you mean `x`?)` when a candidate is close, else nothing.

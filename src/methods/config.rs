@@ -1,9 +1,10 @@
-//! What a render is asked for: the method, one configuration a technique, the picture's size and the seed.
+//! Settings of a render: method, picture, seed, and one group for each technique.
 //!
 //! A file (TOML) and single assignments reach every field; a key that names none is an error with the
 //! nearest one. An optional key takes the word `auto` for its absence.
 
 use super::{Method, Own, REGISTRY};
+use crate::ErrorClass;
 use crate::techniques::setting::{BadValue, Settings, within};
 use crate::techniques::{
     glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
@@ -38,8 +39,8 @@ pub struct RenderConfig {
     pub method: &'static Method,
     /// Width and height (pixels), each 1 … 16384. Time and memory grow with their product.
     pub size: [u32; 2],
-    /// Which of the equally good sample sets is used. Another seed is another sample of the same noise; no
-    /// bias. The same seed on the same device and backend gives the same bits.
+    /// Seed of all samples. Another seed gives other noise of the same strength, and no bias. The same seed on the same
+    /// device and backend gives the same bits.
     pub seed: u32,
     /// Stratified positions a pixel, 1 … 65536, averaged. One is the pixel's centre: edges are jagged and the
     /// picture differs from an area average. Time grows in proportion.
@@ -48,9 +49,9 @@ pub struct RenderConfig {
     /// all of it. Its radiance is that of the whole picture, bit for bit; automatic exposure, glare and denoising are
     /// the crop's own.
     pub crop: Option<[u32; 4]>,
-    /// Whether dielectric and diffuse part mix so that they never reflect more than they receive. Otherwise as glTF 2.0
-    /// publishes it, above 1 at grazing angles (1.59 at 85° and roughness 0.05). Of `igi` with `indirect.glossy` only:
-    /// without, the parts do not meet.
+    /// Whether the dielectric and the diffuse part are mixed so that they never reflect more light than they receive.
+    /// Otherwise they are mixed as glTF 2.0 publishes it, which reflects too much at grazing angles (1.59 times what
+    /// arrives at 85° and roughness 0.05). Method `igi` heeds it with `indirect.glossy` only: otherwise the parts never meet.
     pub energy_conserving: bool,
     /// Virtual point lights.
     pub vpl_shoot: VplShootConfig,
@@ -163,7 +164,7 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// Why a configuration cannot be used.
+/// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
@@ -203,6 +204,14 @@ pub enum ConfigError {
     },
 }
 
+impl ConfigError {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
+}
+
 impl From<BadValue> for ConfigError {
     fn from(BadValue { key, problem }: BadValue) -> Self {
         Self::Value { key: key.into(), problem }
@@ -215,12 +224,22 @@ impl RenderConfig {
     /// # Errors
     /// The file cannot be read or is not TOML, an unknown key, a value of the wrong type.
     pub fn from_toml(file: &Path) -> Result<Self, ConfigError> {
+        let mut config = Self::default();
+        config.apply_toml(file)?;
+        Ok(config)
+    }
+
+    /// Reads a TOML file; keys that it does not name stay as they are.
+    ///
+    /// # Errors
+    /// As for [`Self::from_toml`]; then nothing changes.
+    pub fn apply_toml(&mut self, file: &Path) -> Result<(), ConfigError> {
         let text = std::fs::read_to_string(file)
             .map_err(|source| ConfigError::Read { file: file.into(), source })?;
         let fail = |problem: String| ConfigError::File { file: file.into(), problem };
-        let mut table: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;
-        check_keys(&mut table).map_err(|error| fail(error.to_string()))?;
-        Self::deserialize(Value::Table(table)).map_err(|error| fail(one_line(&error)))
+        let mut change: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;
+        let removed = check_keys(&mut change).map_err(|error| fail(error.to_string()))?;
+        self.apply(change, &removed).map_err(|error| fail(one_line(&error)))
     }
 
     /// Carries out one assignment, `vpl_shoot.vpls=90`. The value is written as in TOML; strings need no quotes.
@@ -239,12 +258,15 @@ impl RenderConfig {
         }
         let removed = check_keys(&mut change)?;
         let fail = |error: &dyn Display| ConfigError::Value { key: key.into(), problem: one_line(error) };
-        let mut table = Table::try_from(&*self).map_err(|error| fail(&error))?;
+        self.apply(change, &removed).map_err(|error| fail(&error.message()))
+    }
+
+    /// Sets what a table holds, and takes back the keys at `removed`.
+    fn apply(&mut self, change: Table, removed: &[String]) -> Result<(), toml::de::Error> {
+        let mut table = Table::try_from(&*self).map_err(serde::de::Error::custom)?;
         merge(&mut table, change);
-        for path in removed {
-            remove(&mut table, &path);
-        }
-        *self = Self::deserialize(Value::Table(table)).map_err(|error| fail(&error.message()))?;
+        removed.iter().for_each(|path| remove(&mut table, path));
+        *self = Self::deserialize(Value::Table(table))?;
         Ok(())
     }
 
@@ -500,8 +522,13 @@ mod tests {
             ("tone_map.white", "2.0"),
         ];
         let keys = known_keys();
-        let leaves =
-            keys.iter().filter(|(key, _)| !keys.iter().any(|(k, _)| k.starts_with(&format!("{key}."))));
+        // A method's own settings are for its own tests.
+        let own = |key: &str| {
+            REGISTRY.iter().any(|method| method.own.is_some() && key.split('.').next() == Some(method.name))
+        };
+        let leaves = keys
+            .iter()
+            .filter(|(key, _)| !own(key) && !keys.iter().any(|(k, _)| k.starts_with(&format!("{key}."))));
         for (key, _) in leaves {
             let (_, value) =
                 values.iter().find(|(k, _)| k == key).unwrap_or_else(|| panic!("{key} is untested"));

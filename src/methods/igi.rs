@@ -2,10 +2,12 @@
 //! [`METHOD`]'s description.
 
 use super::config::RenderConfig;
+use super::option::{BOUNCES, CliOption, OptionGroup, OptionValue};
 use super::trial::{Trial, fails, holds};
 use super::{Aov, FrameInfo, Layers, Method, Reach, Sweeps, VplCounts};
 use crate::graph::Graph;
 use crate::scene::{Feature, SceneProfile};
+use crate::techniques::indirect::Visibility;
 use crate::techniques::{Kernels, compose, gbuffer, indirect, vpl_shoot, whitted};
 
 /// The registry's entry.
@@ -32,6 +34,7 @@ pub static METHOD: Method = Method {
     conditional: &[],
     own: None,
     check: |_| Ok(()),
+    options: OPTIONS,
     progressive: None,
     kernels: |kernels, config| kernels.with_indirect(&config.indirect),
     // Only paths end at what they find.
@@ -48,6 +51,92 @@ pub static METHOD: Method = Method {
     record,
     left_out,
 };
+
+const OPTIONS: &[CliOption] = &[
+    CliOption {
+        word: "--vpls",
+        key: "vpl_shoot.vpls",
+        group: OptionGroup::Light,
+        rare: false,
+        help: "Virtual point lights: more are smoother and slower, in proportion [default: 180]",
+        more: "",
+        value: OptionValue::Whole("N"),
+    },
+    BOUNCES,
+    CliOption {
+        word: "--min-distance",
+        key: "indirect.min_distance",
+        group: OptionGroup::Light,
+        rare: true,
+        help: "Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls]",
+        more: "",
+        value: OptionValue::Distance("M"),
+    },
+    CliOption {
+        word: "--downsample",
+        key: "indirect.downsample",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "Gather indirect light at one pixel in NxN [default: 1, every pixel]",
+        more: "",
+        value: OptionValue::Whole("N"),
+    },
+    CliOption {
+        word: "--upsample",
+        key: "indirect.upsample",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "How the other pixels get theirs [default: paper]",
+        more: "paper: by distance and normal, as in the paper. plane: only from pixels of the same plane; a pixel that has \
+            none near gathers by itself.",
+        value: OptionValue::Word("FILTER", &["paper", "plane"]),
+    },
+    CliOption {
+        word: "--interleave",
+        key: "indirect.interleave",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "Split the VPLs over tiles of NxN pixels, N from 1 to 3 [default: 1, all VPLs at each pixel]",
+        more: "",
+        value: OptionValue::Whole("N"),
+    },
+    CliOption {
+        word: "--pattern",
+        key: "indirect.pattern",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "Order of the shares in a tile: the same in every tile, or another in each [default: regular]",
+        more: "",
+        value: OptionValue::Word("PATTERN", &["regular", "irregular"]),
+    },
+    CliOption {
+        word: "--filter",
+        key: "indirect.filter",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "What hides the tiles of --interleave [default: paper]",
+        more: "paper: the paper's two filters. combined: one filter that averages each share of the VPLs by itself.",
+        value: OptionValue::Word("FILTER", &["paper", "combined"]),
+    },
+    CliOption {
+        word: "--visibility",
+        key: "indirect.visibility",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "What blocks light from virtual lights [default: exact]",
+        more: "Triangles (exact), or their bounding boxes: cheaper and less exact.",
+        value: OptionValue::Word("KIND", Visibility::NAMES),
+    },
+    CliOption {
+        word: "--box-split",
+        key: "indirect.box_split",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "Split triangles until no edge of a box is longer (metres) [default: no triangle is split]",
+        more: "For --visibility boxes and boxes-plane.",
+        value: OptionValue::Number("M"),
+    },
+];
 
 const SMALL: &str = "
     [[sweep]]

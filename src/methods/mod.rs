@@ -5,12 +5,17 @@ mod aov;
 pub mod config;
 pub mod igi;
 mod layers;
+mod option;
 mod own;
 pub mod path;
+#[cfg(test)]
+mod toy;
 mod trial;
 
+use crate::ErrorClass;
 pub use aov::Aov;
 pub use layers::{Layers, VplCounts};
+pub use option::{CliOption, OptionValue};
 pub use own::{Group, Own};
 pub use trial::Trial;
 
@@ -23,7 +28,12 @@ use config::RenderConfig;
 use std::fmt;
 
 /// All methods there are, the default first.
-pub static REGISTRY: &[&Method] = &[&igi::METHOD, &path::METHOD];
+pub static REGISTRY: &[&Method] = &[
+    &igi::METHOD,
+    &path::METHOD,
+    #[cfg(test)]
+    &toy::METHOD,
+];
 
 /// The method that others are measured against.
 pub static REFERENCE: &Method = &path::METHOD;
@@ -62,6 +72,8 @@ pub struct Method {
     pub own: Option<Group>,
     /// Checks what no group of settings can check by itself.
     pub check: fn(&RenderConfig) -> Result<(), BadValue>,
+    /// Its words on the command line. Methods may share some; one without a word refuses it.
+    pub options: &'static [CliOption],
     /// How its picture grows over many graphs; one graph draws it otherwise.
     pub progressive: Option<Progressive>,
     /// Specialises the kernels to its settings.
@@ -182,6 +194,14 @@ pub struct NoLayer {
     pub layer: &'static str,
     /// Those there are.
     pub there: Vec<Aov>,
+}
+
+impl NoLayer {
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
+    }
 }
 
 fn names(aovs: &[Aov]) -> String {

@@ -4,6 +4,7 @@
 //! `path_trace.transport` draws one kind alone.
 
 use super::config::RenderConfig;
+use super::option::{BOUNCES, CliOption, OptionGroup, OptionValue};
 use super::trial::{Trial, fails, holds};
 use super::{Aov, Conditional, FrameInfo, Layers, Method, Progressive, Reach, Sweeps};
 use crate::graph::Graph;
@@ -22,7 +23,7 @@ pub static METHOD: Method = Method {
     aovs: &[Aov::Albedo, Aov::N, Aov::P, Aov::Depth, Aov::Variance, Aov::HalfA, Aov::HalfB, Aov::Rate],
     conditional: &[Conditional {
         aov: Aov::Rate,
-        option: "adaptive",
+        option: "--adaptive",
         there: |config| config.path_trace.adaptive,
     }],
     own: None,
@@ -30,6 +31,7 @@ pub static METHOD: Method = Method {
         1 => Ok(()),
         _ => Err(BadValue::new("pixel_samples", "method path has path_trace.spp in its place")),
     },
+    options: OPTIONS,
     progressive: Some(Progressive {
         key: "path_trace.spp",
         samples: |config| config.path_trace.spp,
@@ -76,6 +78,64 @@ pub static METHOD: Method = Method {
     record,
     left_out: |_, _| Vec::new(),
 };
+
+const OPTIONS: &[CliOption] = &[
+    BOUNCES,
+    CliOption {
+        word: "--spp",
+        key: "path_trace.spp",
+        group: OptionGroup::Light,
+        rare: false,
+        help: "Paths a pixel of --method path: four times as many halve the noise [default: 64]",
+        more: "",
+        value: OptionValue::Whole("N"),
+    },
+    CliOption {
+        word: "--max-depth",
+        key: "path_trace.max_depth",
+        group: OptionGroup::Light,
+        rare: true,
+        help: "Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2]",
+        more: "",
+        value: OptionValue::Whole("N"),
+    },
+    CliOption {
+        word: "--estimator",
+        key: "path_trace.estimator",
+        group: OptionGroup::Light,
+        rare: true,
+        help: "How its paths find light [default: mis]",
+        more: "mis: by rays to the lights and by chance, weighted. naive: by chance alone.",
+        value: OptionValue::Word("ESTIMATOR", &["mis", "naive"]),
+    },
+    CliOption {
+        word: "--transport",
+        key: "path_trace.transport",
+        group: OptionGroup::Light,
+        rare: true,
+        help: "Which light it counts [default: full]",
+        more: "",
+        value: OptionValue::Word("TRANSPORT", &["full", "direct", "diffuse-indirect"]),
+    },
+    CliOption {
+        word: "--pixel-filter",
+        key: "path_trace.pixel_filter",
+        group: OptionGroup::Picture,
+        rare: true,
+        help: "Where in a pixel paths of --method path begin: anywhere, or at the centre [default: box]",
+        more: "",
+        value: OptionValue::Word("FILTER", &["box", "center"]),
+    },
+    CliOption {
+        word: "--adaptive",
+        key: "path_trace.adaptive",
+        group: OptionGroup::Speed,
+        rare: true,
+        help: "Let --method path take up to 8 times as many paths where the picture is noisy, fewer elsewhere",
+        more: "Not for references. --resume then needs --aov half_a,half_b,rate.",
+        value: OptionValue::Flag,
+    },
+];
 
 /// What it is tried with under stress.
 const TRIALS: &[Trial] = &[

@@ -1,4 +1,5 @@
 use super::Error;
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -7,6 +8,12 @@ use std::sync::{Mutex, PoisonError};
 
 /// Files being written, so that a program that is told to stop can take them away.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A file name's extension in lower case.
+#[must_use]
+pub fn extension(file: &Path) -> Option<String> {
+    file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase)
+}
 
 /// Refuses a place no file can be written to: a folder, or one in a folder that is missing or read-only.
 ///

@@ -7,11 +7,15 @@ mod magma;
 mod png;
 
 pub use exr::{Attribute, Channels, Picture, ReadPicture, read_exr, write_exr};
-pub use file::{check_writable, discard_unfinished, write_file};
+pub use file::{check_writable, discard_unfinished, extension, write_file};
 pub use magma::magma;
 pub use png::write_png;
 
+use crate::ErrorClass;
 use std::path::PathBuf;
+
+/// Name and version of this library, for what pictures say of the software that wrote them.
+pub const SOFTWARE: &str = concat!("parhelion ", env!("CARGO_PKG_VERSION"));
 
 /// A file that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -21,4 +25,12 @@ pub struct Error {
     pub file: PathBuf,
     /// What went wrong.
     pub source: std::io::Error,
+}
+
+impl Error {
+    /// What kind of failure this is: none that the input is known to be the cause of.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Other
+    }
 }

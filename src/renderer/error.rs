@@ -1,5 +1,6 @@
 //! What can go wrong between a scene and its picture.
 
+use crate::ErrorClass;
 use crate::methods::NoLayer;
 use crate::scene::SceneError;
 use crate::{accel, denoise, graph, vk};
@@ -49,23 +50,20 @@ pub enum Error {
 }
 
 impl Error {
-    /// The process's exit code for this error: 2 bad input, 3 no suitable device, 75 device lost or out of
-    /// memory, 130 interrupted, 1 anything else.
+    /// What kind of failure this is.
     #[must_use]
-    pub fn exit_code(&self) -> u8 {
+    pub fn class(&self) -> ErrorClass {
         match self {
-            Self::Vulkan(error) => error.exit_code(),
-            Self::Graph(graph::Error::Vulkan(error)) => error.exit_code(),
-            Self::Graph(graph::Error::Cancelled) | Self::Cancelled => 130,
-            Self::Graph(graph::Error::Declaration(_))
-            | Self::Scene(_)
-            | Self::Config(_)
-            | Self::SoftwareOnly { .. } => 2,
-            Self::Layer(_) | Self::Resume(_) => 2,
-            Self::NoRayQuery { .. } => 3,
-            Self::Structure(error) => error.exit_code(),
-            Self::Denoise(error) => error.exit_code(),
-            Self::Graph(_) => 1,
+            Self::Vulkan(error) => error.class(),
+            Self::Graph(error) => error.class(),
+            Self::Structure(error) => error.class(),
+            Self::Denoise(error) => error.class(),
+            Self::Scene(error) => error.class(),
+            Self::Config(error) => error.class(),
+            Self::Layer(error) => error.class(),
+            Self::Resume(_) | Self::SoftwareOnly { .. } => ErrorClass::Input,
+            Self::NoRayQuery { .. } => ErrorClass::Device,
+            Self::Cancelled => ErrorClass::Interrupted,
         }
     }
 }

@@ -1,6 +1,7 @@
+use crate::ErrorClass;
 use std::path::{Path, PathBuf};
 
-/// Why a scene could not be used: the file, the element in it, and what is wrong with it.
+/// A scene that cannot be used: its file, the element in it, and what is wrong with that element.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {element}: {problem}", file.display())]
 pub struct SceneError {
@@ -15,5 +16,11 @@ pub struct SceneError {
 impl SceneError {
     pub(crate) fn new(file: &Path, element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self { file: file.to_owned(), element: element.into(), problem: problem.into() }
+    }
+
+    /// What kind of failure this is: bad input.
+    #[must_use]
+    pub fn class(&self) -> ErrorClass {
+        ErrorClass::Input
     }
 }

@@ -1,5 +1,6 @@
-//! What can go wrong between the library and the driver.
+//! Errors of the Vulkan layer.
 
+use crate::ErrorClass;
 use ash::vk;
 
 /// An error of the Vulkan layer.
@@ -122,20 +123,23 @@ fn devices(available: &[String]) -> String {
 }
 
 impl Error {
-    /// The exit code of a program that ends with this error: 3 where no suitable device was found, 75 where
-    /// the device was lost or ran out of memory, 1 otherwise.
+    /// What kind of failure this is.
     #[must_use]
-    pub fn exit_code(&self) -> u8 {
+    pub fn class(&self) -> ErrorClass {
         match self {
             Self::NoLoader { .. }
             | Self::NoDevice { .. }
             | Self::NoSuchDevice { .. }
             | Self::Unsuitable { .. }
-            | Self::NoRayQuery { .. } => 3,
-            Self::DeviceLost { .. }
-            | Self::OutOfDeviceMemory { .. }
-            | Self::Vulkan { result: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => 75,
-            _ => 1,
+            | Self::NoRayQuery { .. } => ErrorClass::Device,
+            Self::DeviceLost { .. } => ErrorClass::Lost,
+            Self::OutOfDeviceMemory { .. }
+            | Self::Vulkan { result: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => ErrorClass::Memory,
+            Self::OutOfHostMemory { .. }
+            | Self::TooLarge { .. }
+            | Self::Kernel { .. }
+            | Self::Allocation { .. }
+            | Self::Vulkan { .. } => ErrorClass::Other,
         }
     }
 

@@ -104,10 +104,10 @@ impl Drop for Pipeline {
 }
 
 impl Pipelines {
-    /// Pipelines for `device`, with a cache in the user's cache directory (`$XDG_CACHE_HOME` or `~/.cache`,
-    /// there `parhelion`), one file a device and driver.
+    /// Pipelines for `device`, with a cache on disk: a file for each device and driver in the folder `parhelion` of the
+    /// user's cache directory (`$XDG_CACHE_HOME` or `~/.cache`).
     ///
-    /// A damaged or foreign file and a directory that cannot be written cost time and are no error.
+    /// It is no error if the file is damaged or cannot be written: the pipelines are then compiled again.
     ///
     /// # Errors
     ///

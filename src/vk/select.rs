@@ -1,10 +1,10 @@
-//! What there is to know about a device, and which one to take.
+//! Properties of devices, and which device to take.
 
 use ash::vk;
 
 use super::Error;
 
-/// What sort of device it is.
+/// Kind of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DeviceKind {
@@ -27,7 +27,7 @@ pub struct DeviceInfo {
     pub index: usize,
     /// The device's name.
     pub name: String,
-    /// Sort of device.
+    /// Kind of device.
     pub kind: DeviceKind,
     /// PCI vendor, or a Khronos vendor id.
     pub vendor_id: u32,
@@ -154,6 +154,7 @@ pub(super) fn select(devices: &[DeviceInfo], asked: Option<&str>) -> Result<usiz
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorClass;
 
     fn device(index: usize, name: &str, kind: DeviceKind, missing: &[&str]) -> DeviceInfo {
         let missing: Vec<_> = missing.iter().map(|m| (*m).to_owned()).collect();
@@ -231,13 +232,13 @@ mod tests {
     #[test]
     fn errors_name_everything_at_once() {
         let unsuitable = select(&machine(), Some("GTX 480")).unwrap_err();
-        assert_eq!(unsuitable.exit_code(), 3);
+        assert_eq!(unsuitable.class(), ErrorClass::Device);
         let text = unsuitable.to_string();
         for word in ["GTX 480", "synchronization2", "maintenance4", "newer driver"] {
             assert!(text.contains(word), "{text}");
         }
         let unknown = select(&machine(), Some("Voodoo")).unwrap_err();
-        assert_eq!(unknown.exit_code(), 3);
+        assert_eq!(unknown.class(), ErrorClass::Device);
         for word in ["Voodoo", "llvmpipe", "GTX 480", "Iris Xe"] {
             assert!(unknown.to_string().contains(word), "{unknown}");
         }

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::Vec3;
+use parhelion::renderer::{Frame, Layer};
 use parhelion::scene::Mesh;
 use parhelion::vk::{Device, DeviceOptions};
 use serde_json::Value;
@@ -101,6 +102,30 @@ pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         materials: vec![material; 2],
         ..Mesh::default()
+    }
+}
+
+/// A frame without a pixel.
+pub(crate) fn frame() -> Frame {
+    Frame {
+        beauty: Layer { width: 0, height: 0, channels: 3, data: Vec::new() },
+        denoised: None,
+        display: Vec::new(),
+        exposure_ev: 0.0,
+        aovs: Vec::new(),
+        taps: Vec::new(),
+        passes: Vec::new(),
+        total_ms: None,
+        beside_ms: Vec::new(),
+        wall_ms: 0.0,
+        rays: 0,
+        vpl_count: None,
+        regathered: None,
+        path_count: None,
+        min_distance: None,
+        samples: None,
+        noise: None,
+        peak_device_bytes: 0,
     }
 }
 

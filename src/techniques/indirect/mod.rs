@@ -190,9 +190,13 @@ impl Visibility {
     /// All kinds.
     pub const ALL: &'static [Self] = &[Self::Exact, Self::Boxes, Self::BoxesPlane, Self::BoxesInline];
 
+    /// Their words.
+    pub const NAMES: &'static [&'static str] =
+        &[Self::Exact.name(), Self::Boxes.name(), Self::BoxesPlane.name(), Self::BoxesInline.name()];
+
     /// Its word on the command line, in files and in charts.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",
             Self::Boxes => "boxes",
