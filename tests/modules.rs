@@ -2,7 +2,7 @@
 //!
 //! In each folder, and at the crate's root, a module counts with all that is below it. The file that declares the
 //! modules (`mod.rs`, `lib.rs`) is one of them for what it defines itself: it may use its modules, or they may use
-//! it, but not both. With the variable `MODULE_GRAPH=FILE` the graphs go to that file in Graphviz's language and
+//! it, but not both. At the root there is an order, too. With the variable `MODULE_GRAPH=FILE` the graphs go to that file in Graphviz's language and
 //! the circles to standard output.
 
 #[path = "modules/resolve.rs"]
@@ -15,13 +15,15 @@ use std::path::{Path, PathBuf};
 /// Circles that stand, as `folder: module, module`.
 const KNOWN: &[&str] = &[
     "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
-    "parhelion::docs: markdown, mod.rs",
-    "parhelion::graph: check, decl, exec, kernel, mod.rs, place, plan",
-    "parhelion::methods: igi, mod.rs, path",
+    "parhelion::methods: config, igi, mod.rs, own, path",
     "parhelion::renderer: choice, progressive, renderer.rs",
-    "parhelion::stress: cases, lab, mod.rs, picture",
-    "parhelion::stress::cases: filters, geometry, light, mod.rs, time, visibility",
 ];
+
+/// From the bottom up: none of these uses one behind it.
+const ORDER: &[&str] = &["vk", "graph", "techniques", "methods", "renderer"];
+
+/// What uses none of those.
+const APART: &[&str] = &["scene", "sampling", "metrics", "output"];
 
 /// The graph between the modules of one folder.
 struct Folder {
@@ -64,13 +66,11 @@ impl Folder {
         Self { name: files.module(parent), modules, uses }
     }
 
-    /// Modules that reach each other, one list a circle or a knot of circles.
-    fn circles(&self) -> Vec<Vec<usize>> {
+    /// Which modules use which, themselves or through others.
+    fn reaches(&self) -> Vec<Vec<bool>> {
         let count = self.modules.len();
         let mut reaches = vec![vec![false; count]; count];
-        for (from, to) in self.uses.keys() {
-            reaches[*from][*to] = true;
-        }
+        self.uses.keys().for_each(|&(from, to)| reaches[from][to] = true);
         for via in 0..count {
             for from in 0..count {
                 for to in 0..count {
@@ -78,6 +78,12 @@ impl Folder {
                 }
             }
         }
+        reaches
+    }
+
+    /// Modules that reach each other, one list a circle or a knot of circles.
+    fn circles(&self) -> Vec<Vec<usize>> {
+        let (count, reaches) = (self.modules.len(), self.reaches());
         let circle = |start: usize| -> Vec<usize> {
             (0..count).filter(|&other| reaches[start][other] && reaches[other][start]).collect()
         };
@@ -157,6 +163,23 @@ fn no_module_is_in_a_circle() {
     let new: Vec<_> = new.iter().map(|(title, _)| title).collect();
     let gone: Vec<_> = KNOWN.iter().filter(|title| !circles.contains_key(**title)).collect();
     assert!(new.is_empty() && gone.is_empty(), "new circles {new:#?}, known ones that are gone {gone:#?}");
+}
+
+#[test]
+fn the_order_is_kept() {
+    let folders = Folder::all(&crates());
+    let root = folders.iter().find(|folder| folder.name == LIBRARY).unwrap();
+    let reaches = root.reaches();
+    let index = |name: &str| {
+        root.modules.iter().position(|module| module == name).unwrap_or_else(|| panic!("no module {name}"))
+    };
+    let check = |user: &str, above: &[&str]| {
+        for used in above {
+            assert!(!reaches[index(user)][index(used)], "{user} uses {used}, itself or through others");
+        }
+    };
+    ORDER.iter().enumerate().for_each(|(at, user)| check(user, &ORDER[at + 1..]));
+    APART.iter().for_each(|user| check(user, ORDER));
 }
 
 #[test]

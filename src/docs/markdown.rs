@@ -12,6 +12,27 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+/// A page and what it shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Page {
+    /// Markdown.
+    pub text: String,
+    /// Files in the page's folder, by name.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl Measurements {
+    /// The page, whose files are to lie in `folder` beside it. The same measurements give the same bytes.
+    ///
+    /// # Errors
+    /// A picture of a chart is missing or broken.
+    pub fn page(&self, folder: &str) -> Result<Page, Error> {
+        let mut files = Vec::new();
+        let text = write_page(self, folder, &mut files)?;
+        Ok(Page { text, files })
+    }
+}
+
 /// A chart and how the page calls it.
 struct Room<'a> {
     chart: &'a Chart,
@@ -24,7 +45,7 @@ struct Room<'a> {
 }
 
 /// Writes the page; pictures are added to `files`, which lie in `folder`.
-pub(super) fn page(
+fn write_page(
     measured: &Measurements,
     folder: &str,
     files: &mut Vec<(String, Vec<u8>)>,

@@ -4,6 +4,8 @@
 mod markdown;
 mod ways;
 
+pub use markdown::Page;
+
 use crate::ErrorClass;
 use crate::chart::data::Chart;
 use crate::chart::{data, grid, picture};
@@ -59,15 +61,6 @@ pub struct Measurements {
     stress: Option<(PathBuf, Stress)>,
 }
 
-/// A page and what it shows.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Page {
-    /// Markdown.
-    pub text: String,
-    /// Files in the page's folder, by name.
-    pub files: Vec<(String, Vec<u8>)>,
-}
-
 impl Measurements {
     /// Reads `data.json` of each of `charts`, folders of [`crate::chart::run`], and `stress.json` of the folder `stress`.
     ///
@@ -91,16 +84,6 @@ impl Measurements {
         let stress =
             stress.map(|folder| json(folder, "stress.json", "stress", stress::SCHEMA)).transpose()?;
         Ok(Self { charts, configs, stress })
-    }
-
-    /// The page, whose files are to lie in `folder` beside it. The same measurements give the same bytes.
-    ///
-    /// # Errors
-    /// A picture of a chart is missing or broken.
-    pub fn page(&self, folder: &str) -> Result<Page, Error> {
-        let mut files = Vec::new();
-        let text = markdown::page(self, folder, &mut files)?;
-        Ok(Page { text, files })
     }
 }
 

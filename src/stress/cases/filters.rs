@@ -1,8 +1,10 @@
 //! What fewer samples than pixels miss.
 
 use super::super::scenes;
-use super::{Case, Part, Subject, against_reference};
+use super::Case;
+use super::measure::against_reference;
 use crate::metrics;
+use crate::stress::lab::{Part, Subject};
 
 const WIRES: Subject = Subject { name: "wires", make: scenes::wires };
 const BUMPY: Subject = Subject { name: "bumpy", make: scenes::bumpy };

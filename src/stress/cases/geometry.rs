@@ -1,7 +1,7 @@
 //! Coordinates and triangles at the ends of what there is.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject};
+use super::Case;
 use crate::accel::Geometry;
 use crate::accel::cpu::{BruteForce, Ray};
 use crate::config::RenderConfig;
@@ -9,7 +9,7 @@ use crate::methods::Aov;
 use crate::metrics;
 use crate::renderer::Error;
 use crate::scene::View;
-use crate::stress::lab::{Lab, Measured};
+use crate::stress::lab::{Lab, Measured, Part, Shot, Subject};
 
 const ROOM: Subject = Subject { name: "room", make: scenes::furnished };
 const SMALL: Subject = Subject { name: "small", make: scenes::small };

@@ -1,12 +1,13 @@
 //! How light is carried: singularities, clamps, lobes, caustics, samples.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, against_reference, largest, mean};
+use super::Case;
+use super::measure::{against_reference, largest, mean};
 use crate::config::RenderConfig;
 use crate::methods::Aov;
 use crate::metrics;
 use crate::renderer::{Error, Layer};
-use crate::stress::lab::{Lab, Measured};
+use crate::stress::lab::{Lab, Measured, Part, Shot, Subject};
 use glam::Vec3;
 use std::f64::consts::PI;
 

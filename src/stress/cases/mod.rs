@@ -3,38 +3,12 @@
 mod filters;
 mod geometry;
 mod light;
+mod measure;
 mod time;
 mod visibility;
 
 use super::Case;
-use super::lab::{Lab, Measured, Part, Shot, Subject};
-use crate::config::RenderConfig;
-use crate::renderer::{Error, Layer};
 
 /// All of them, in the order of the page.
 pub(super) const ALL: [&[Case]; 5] =
     [light::CASES, visibility::CASES, filters::CASES, time::CASES, geometry::CASES];
-
-/// A measure of a picture against the reference.
-fn against_reference(
-    lab: &mut Lab<'_>,
-    config: &RenderConfig,
-    subject: &Subject,
-    part: Part,
-    measure: impl Fn(&[f32], &[f32]) -> f64,
-) -> Result<Measured, Error> {
-    let shot = Shot::default();
-    let picture = lab.picture(subject, &shot, config, part)?;
-    let reference = lab.reference(subject, &shot, config, part)?;
-    let value = measure(&picture.data, &reference.data);
-    Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
-}
-
-fn mean(layer: &Layer) -> f64 {
-    layer.data.iter().map(|&value| f64::from(value)).sum::<f64>() / layer.data.len() as f64
-}
-
-fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    // `f64::max` would hide a NaN.
-    values.into_iter().fold(0.0, |a, b| if b.is_nan() || b > a { b } else { a })
-}

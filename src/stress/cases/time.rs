@@ -1,11 +1,12 @@
 //! Sequences: what moves, and what stays behind.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, largest};
+use super::Case;
+use super::measure::largest;
 use crate::config::RenderConfig;
 use crate::metrics;
 use crate::renderer::{Error, Layer};
-use crate::stress::lab::{Lab, Measured, Plate};
+use crate::stress::lab::{Lab, Measured, Part, Plate, Shot, Subject};
 use glam::{Vec3, Vec3A, vec3};
 
 const PILLARS: Subject = Subject { name: "pillars", make: scenes::pillars };

@@ -1,11 +1,12 @@
 //! What blocks light: bounding boxes, thin walls, narrow gaps.
 
 use super::super::scenes;
-use super::{Case, Part, Shot, Subject, against_reference, largest, mean};
+use super::Case;
+use super::measure::{against_reference, largest, mean};
 use crate::config::RenderConfig;
 use crate::metrics;
 use crate::renderer::{Error, Layer};
-use crate::stress::lab::{Lab, Measured};
+use crate::stress::lab::{Lab, Measured, Part, Shot, Subject};
 
 const BLINDS: Subject = Subject { name: "blinds", make: scenes::blinds };
 const TURNED: Subject = Subject { name: "turned", make: scenes::turned };

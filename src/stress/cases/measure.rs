@@ -1,0 +1,27 @@
+use crate::config::RenderConfig;
+use crate::renderer::{Error, Layer};
+use crate::stress::lab::{Lab, Measured, Part, Shot, Subject};
+
+/// A measure of a picture against the reference.
+pub(super) fn against_reference(
+    lab: &mut Lab<'_>,
+    config: &RenderConfig,
+    subject: &Subject,
+    part: Part,
+    measure: impl Fn(&[f32], &[f32]) -> f64,
+) -> Result<Measured, Error> {
+    let shot = Shot::default();
+    let picture = lab.picture(subject, &shot, config, part)?;
+    let reference = lab.reference(subject, &shot, config, part)?;
+    let value = measure(&picture.data, &reference.data);
+    Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
+}
+
+pub(super) fn mean(layer: &Layer) -> f64 {
+    layer.data.iter().map(|&value| f64::from(value)).sum::<f64>() / layer.data.len() as f64
+}
+
+pub(super) fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    // `f64::max` would hide a NaN.
+    values.into_iter().fold(0.0, |a, b| if b.is_nan() || b > a { b } else { a })
+}
