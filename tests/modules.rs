@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 
 /// Circles that stand, as `folder: module, module`.
 const KNOWN: &[&str] = &[
-    "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
     "parhelion::docs: markdown, mod.rs",
     "parhelion::graph: check, decl, exec, kernel, mod.rs, place, plan",
     "parhelion::methods: igi, mod.rs, path",

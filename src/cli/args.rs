@@ -173,7 +173,7 @@ pub(super) struct Render {
     /// How light is computed [default: igi].
     #[arg(long, help_heading = LIGHT, value_parser = methods())]
     pub(super) method: Option<String>,
-    /// Virtual point lights: more are smoother and slower, in proportion [default: 180].
+    /// Virtual point lights: more are smoother, and slower [default: 180].
     #[arg(long, value_name = "N", help_heading = LIGHT, allow_negative_numbers = true)]
     pub(super) vpls: Option<u32>,
     /// Indirect bounces: fewer lose light [default: 3].
@@ -182,7 +182,7 @@ pub(super) struct Render {
     /// Leave out light of virtual lights nearer than this (metres); 0 keeps all [default: by area and --vpls].
     #[arg(long, value_name = "M", help_heading = LIGHT, hide_short_help = true, allow_hyphen_values = true, value_parser = distance)]
     pub(super) min_distance: Option<f32>,
-    /// Paths a pixel of --method path: four times as many halve the noise [default: 64].
+    /// Paths a pixel of --method path: noise falls with the root [default: 64].
     #[arg(long, value_name = "N", help_heading = LIGHT, allow_negative_numbers = true)]
     pub(super) spp: Option<u32>,
     /// Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2].
@@ -326,7 +326,7 @@ pub(super) struct Paper {
     pub(super) common: Common,
     #[command(flatten)]
     pub(super) machine: Machine,
-    /// Render each N times after warming up; 0 renders once [default: 10, on a CPU 0].
+    /// Frames of each after warming up; 0 renders once [default: 10, on a CPU 0].
     ///
     /// Times are medians.
     #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
@@ -349,7 +349,7 @@ pub(super) struct Chart {
     /// A file holds tables [[sweep]] of keys as for -D, lists multiplied out.
     #[arg(long, value_name = "GRID", help_heading = SPEED, default_value = "small")]
     pub(super) grid: String,
-    /// Render each N times after warming up; 0 renders once [default: 5, on a CPU 0].
+    /// Frames of each after warming up; 0 renders once [default: 5, on a CPU 0].
     ///
     /// Times are medians.
     #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
