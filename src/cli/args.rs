@@ -338,7 +338,7 @@ pub(super) struct Paper {
     pub(super) common: Common,
     #[command(flatten)]
     pub(super) machine: Machine,
-    /// Render each N times after warming up; 0 renders once [default: 10, on a CPU 0].
+    /// Frames of each after warming up; 0 renders once [default: 10, on a CPU 0].
     ///
     /// Times are medians.
     #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
@@ -361,7 +361,7 @@ pub(super) struct Chart {
     /// A file holds tables [[sweep]] of keys as for -D, lists multiplied out.
     #[arg(long, value_name = "GRID", help_heading = SPEED, default_value = "small")]
     pub(super) grid: String,
-    /// Render each N times after warming up; 0 renders once [default: 5, on a CPU 0].
+    /// Frames of each after warming up; 0 renders once [default: 5, on a CPU 0].
     ///
     /// Times are medians.
     #[arg(long, value_name = "N", help_heading = SPEED, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]

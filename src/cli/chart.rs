@@ -1,8 +1,11 @@
 //! `parhelion chart`.
 
 use super::args::Chart;
+use super::failure::{Failure, input};
+use super::print::print;
 use super::progress::Reporter;
-use super::{Failure, folder, input, interrupt, print, scene};
+use super::report::folder;
+use super::{interrupt, report, scene};
 use crate::chart::choose::Front;
 use crate::chart::sweep::FILES;
 use crate::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
@@ -101,7 +104,7 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
 
 /// Paths begin at pixels' centres, as the other methods' do, and are as long as the reference's.
 fn base(args: &Chart, depth: u32) -> Result<RenderConfig, Failure> {
-    let mut base = super::base(&args.machine)?;
+    let mut base = report::base(&args.machine)?;
     methods::comparable(&mut base, Some(depth));
     base.validate().map_err(|error| match error {
         ConfigError::Value { problem, .. } => input!("--reference-depth: {problem}"),

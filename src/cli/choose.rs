@@ -1,8 +1,9 @@
 //! `parhelion render --budget` and `--error`.
 
 use super::args::Render;
+use super::failure::{Failure, input};
+use super::interrupt;
 use super::progress::Reporter;
-use super::{Failure, input, interrupt};
 use crate::chart::choose::{Candidate, Front, Probe, Wish, choose, probe};
 use crate::chart::data::{Chart, SCHEMA};
 use crate::chart::{grid, reference};

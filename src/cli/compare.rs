@@ -1,7 +1,8 @@
 //! `parhelion compare`.
 
 use super::args::Compare;
-use super::{Failure, input, print};
+use super::failure::{Failure, input};
+use super::print::print;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, ReadPicture, extension, magma};
 use std::fmt::Write;

@@ -1,6 +1,8 @@
 //! `parhelion doctor`.
 
-use super::{Failure, args, print};
+use super::args;
+use super::failure::Failure;
+use super::print::print;
 use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing};

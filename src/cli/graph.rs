@@ -1,6 +1,8 @@
 //! `parhelion graph`.
 
-use super::{Failure, args, input, load, print};
+use super::failure::{Failure, input};
+use super::print::print;
+use super::{args, scene};
 use crate::graph::Typical;
 use crate::output::{self, extension};
 use crate::renderer;
@@ -15,7 +17,7 @@ pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {
         output::check_writable(file).map_err(Failure::input)?;
     }
     let config = args.settings.with(&[("--method", "method", args.method.clone())])?;
-    let scene = load(args.scene.as_deref(), None)?;
+    let scene = scene::read(args.scene.as_deref(), None)?;
     let plan = renderer::plan(&scene, &config, &[], &Typical)?;
     match kind {
         None => print(&plan.dot(&[])),

@@ -26,7 +26,7 @@ pub(super) fn listen() -> io::Result<()> {
             if CANCEL.swap(true, Ordering::SeqCst) || !HEEDED.load(Ordering::SeqCst) {
                 discard_unfinished();
                 // Without exit handlers: drivers' own run while their threads still work.
-                signal_hook::low_level::exit(i32::from(super::exit_code(ErrorClass::Interrupted)));
+                signal_hook::low_level::exit(i32::from(super::failure::exit_code(ErrorClass::Interrupted)));
             }
         }
     })?;

@@ -1,7 +1,7 @@
 //! `parhelion methods`.
 
 use super::args::Methods;
-use super::{Failure, input};
+use super::failure::{Failure, input};
 use crate::docs::Measurements;
 use crate::output::{self, extension};
 use std::ffi::OsStr;

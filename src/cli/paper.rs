@@ -1,8 +1,11 @@
 //! `parhelion paper`.
 
 use super::args::Paper;
+use super::failure::Failure;
+use super::print::print;
 use super::progress::Reporter;
-use super::{Failure, base, folder, interrupt, print, scene};
+use super::report::{base, folder};
+use super::{interrupt, scene};
 use crate::output;
 use crate::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
 use crate::renderer::{self, Renderer};

@@ -1,11 +1,13 @@
 //! `parhelion render`.
 
 use super::args::Render;
+use super::failure::{Failure, input};
+use super::print::print;
 use super::progress::Reporter;
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{Failure, choose, economy, input, interrupt, print, scene};
+use super::{choose, economy, interrupt, scene};
 use crate::config::RenderConfig;
 use crate::denoise::Denoiser;
 use crate::output::{self, extension};

@@ -1,9 +1,9 @@
 //! The scene and the camera that a command is asked for.
 
 use super::args::Common;
+use super::failure::{Failure, input};
 use super::progress::Reporter;
-use super::{Failure, input};
-use crate::scene::{Camera, Environment, Scene, SceneProfile, builtin};
+use crate::scene::{self, Camera, Environment, LoadOptions, Scene, SceneProfile, builtin};
 use glam::Vec3;
 use std::ffi::OsString;
 use std::path::Path;
@@ -21,6 +21,13 @@ pub(super) fn stem(args: &Common) -> OsString {
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
 }
 
+/// Loads the scene asked for, or the default room.
+pub(super) fn read(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
+    let default = format!("builtin:{}", builtin::DEFAULT);
+    let path = scene.unwrap_or(Path::new(&default));
+    Ok(scene::load(path, &LoadOptions { scene: which })?)
+}
+
 /// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
 /// place of the scene's.
 pub(super) fn load(
@@ -29,7 +36,7 @@ pub(super) fn load(
     reporter: &Reporter,
 ) -> Result<(Scene, Camera), Failure> {
     reporter.stage("load", &name(args));
-    let mut scene = super::load(args.scene.as_deref(), args.which.clone())?;
+    let mut scene = read(args.scene.as_deref(), args.which.clone())?;
     let camera = camera(args, &scene)?;
     scene.environment = environment.or(scene.environment);
     let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;

@@ -1,7 +1,7 @@
 //! The configuration: a file, then a preset, then assignments, then options, each winning over what came before.
 
 use super::args::{Render, Settings};
-use super::{Failure, input};
+use super::failure::{Failure, input};
 use crate::config::{ConfigError, MAX_SPP, RenderConfig};
 use crate::methods::{Method, REGISTRY};
 

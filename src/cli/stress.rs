@@ -1,8 +1,11 @@
 //! `parhelion stress`.
 
 use super::args::Stress;
+use super::failure::Failure;
+use super::interrupt;
+use super::print::print;
 use super::progress::Reporter;
-use super::{Failure, base, check_folder, interrupt, print};
+use super::report::{base, check_folder};
 use crate::ErrorClass;
 use crate::output;
 use crate::renderer::Progress;
