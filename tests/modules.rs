@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 
 /// Circles that stand, as `folder: module, module`.
 const KNOWN: &[&str] = &[
-    "command::cli: chart, choose, compare, doctor, graph, methods, mod.rs, paper, render, scene, settings, stress",
     "parhelion::methods: config, igi, mod.rs, own, path",
     "parhelion::renderer: choice, progressive, renderer.rs",
 ];

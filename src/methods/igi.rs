@@ -58,7 +58,7 @@ const OPTIONS: &[CliOption] = &[
         key: "vpl_shoot.vpls",
         group: OptionGroup::Light,
         rare: false,
-        help: "Virtual point lights: more are smoother and slower, in proportion [default: 180]",
+        help: "Virtual point lights: more are smoother and slower [default: 180]",
         more: "",
         value: OptionValue::Whole("N"),
     },
