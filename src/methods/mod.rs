@@ -15,7 +15,7 @@ mod trial;
 use crate::ErrorClass;
 pub use aov::Aov;
 pub use layers::{Layers, VplCounts};
-pub use option::{CliOption, OptionValue};
+pub use option::{CliOption, OptionGroup, OptionValue};
 pub use own::{Group, Own};
 pub use trial::Trial;
 

@@ -1,7 +1,7 @@
 //! A method that is a file and a line in the list: every part of the program finds it there.
 
 use super::config::RenderConfig;
-use super::option::{CliOption, OptionValue};
+use super::option::{CliOption, OptionGroup, OptionValue};
 use super::trial::fails;
 use super::{Aov, FrameInfo, Group, Layers, Method, Reach, Sweeps};
 use crate::graph::Graph;
@@ -44,7 +44,10 @@ pub(super) static METHOD: Method = Method {
     options: &[CliOption {
         word: "--toy-level",
         key: "toy.level",
+        group: OptionGroup::Light,
+        rare: false,
         help: "How bright the toy is",
+        more: "",
         value: OptionValue::Number("LEVEL"),
     }],
     progressive: None,
