@@ -25,7 +25,15 @@ use std::path::{Path, PathBuf};
 const FIRST_SCENE_CONSTANT: u32 = 100;
 const TRACE_INTERFACE: &str = "trace/trace.glsl";
 /// Includes whose constants Rust has, too.
-const SHARED: [&str; 3] = ["shared/types.glsl", "lib/counters.glsl", "vpl_shoot/blocks.glsl"];
+const SHARED: [&str; 7] = [
+    "shared/types.glsl",
+    "lib/counters.glsl",
+    "path_trace/modes.glsl",
+    "tone_map/operators.glsl",
+    "trace/boxes.glsl",
+    "trace/software.glsl",
+    "vpl_shoot/blocks.glsl",
+];
 /// A kernel that includes this counts its rays.
 const COUNTER_INTERFACE: &str = "lib/counters.glsl";
 
