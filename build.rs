@@ -25,7 +25,15 @@ use std::path::{Path, PathBuf};
 const FIRST_SCENE_CONSTANT: u32 = 100;
 const TRACE_INTERFACE: &str = "trace/trace.glsl";
 /// Includes whose constants Rust has, too.
-const SHARED: [&str; 2] = ["shared/types.glsl", "lib/counters.glsl"];
+const SHARED: [&str; 7] = [
+    "shared/types.glsl",
+    "lib/counters.glsl",
+    "path_trace/modes.glsl",
+    "tone_map/operators.glsl",
+    "trace/boxes.glsl",
+    "trace/software.glsl",
+    "vpl_shoot/blocks.glsl",
+];
 /// A kernel that includes this counts its rays.
 const COUNTER_INTERFACE: &str = "lib/counters.glsl";
 
@@ -103,18 +111,18 @@ fn build_kernel(
     name: &str,
     counters: &mut Vec<String>,
 ) -> Result<Kernel, String> {
-    let counter = counters.len().to_string();
-    let compile = |backend, level| {
-        compile(compiler, root, path, &[(backend, "1"), ("RAY_COUNTER", &format!("{counter}u"))], level)
-    };
+    // A test has the cells to itself.
+    let test = name.starts_with("test/");
+    let counter = format!("{}u", if test { 0 } else { counters.len() });
+    let compile =
+        |backend, level| compile(compiler, root, path, &[(backend, "1"), ("RAY_COUNTER", &counter)], level);
     let (names, includes) = compile("TRACE_SOFTWARE", shaderc::OptimizationLevel::Zero)?;
     let reflection = reflect::reflect(&names).map_err(|error| format!("{}: {error}", path.display()))?;
     let fast = shaderc::OptimizationLevel::Performance;
     let (plain, _) = compile("TRACE_SOFTWARE", fast)?;
     let ray_query =
         includes.traces.then(|| compile("TRACE_RAY_QUERY", fast).map(|(words, _)| words)).transpose()?;
-    // Those of tests count in cells of their own.
-    if includes.counts && !name.starts_with("test/") {
+    if includes.counts && !test {
         counters.push(name.to_owned());
     }
     Ok(Kernel { reflection, plain, ray_query })

@@ -164,3 +164,25 @@ fn kernels_are_valid_spirv() {
     }
     assert!(checked >= 2 * 10, "only {checked} modules");
 }
+
+/// Sums beyond 32 bits, and beyond what a cell's low word holds.
+#[test]
+fn ray_counters_carry() {
+    let Some((_guard, device)) = common::device() else { return };
+    use shaders::test::rays::{Bind, Params, kernel};
+    let cells = device.upload("ray_counters", &vec![0; 8 * shaders::COUNTER_LANES as usize]).unwrap();
+    let scene = SceneData { ray_counters: cells.address(), ..SceneData::zeroed() };
+    let mut uniform = device.buffer("scene", size_of::<SceneData>() as u64, MemoryKind::Upload).unwrap();
+    uniform.mapped_mut().unwrap()[..size_of::<SceneData>()].copy_from_slice(bytemuck::bytes_of(&scene));
+    let set = Arc::new(device.scene_set(Backend::Software, uniform, None).unwrap());
+    let mut executor = Executor::new(&device, Backend::Software).unwrap();
+    let (rays, threads) = (0xf000_0001, 64 * 300);
+    let mut g = Graph::new();
+    let done = g.buffer("done", 4 * u64::from(threads));
+    g.pass("rays", &kernel(), Bind { done }, Params { rays }, Grid::Of([threads, 1, 1]));
+    g.keep(done);
+    executor.run(g, &RunOptions { scene: Some(&set), ..RunOptions::default() }).unwrap();
+    let bytes = device.download(&cells).unwrap();
+    let lanes = bytes.chunks_exact(8).map(|cell| u64::from_le_bytes(cell.try_into().unwrap()));
+    assert_eq!(lanes.sum::<u64>(), u64::from(rays) * u64::from(threads));
+}

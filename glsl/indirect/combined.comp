@@ -9,6 +9,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "indirect/edges.glsl"
 #include "indirect/grid.glsl"
+#include "indirect/missing.glsl"
 
 layout(constant_id = 4) const bool REGATHER = false;
 
@@ -20,10 +21,10 @@ layout(set = 1, binding = 1, rgba32f) uniform readonly image2D normal_depth;
 layout(set = 1, binding = 2, rgba32f) uniform readonly image2D position;
 layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_irradiance;
 layout(set = 1, binding = 4, scalar) writeonly buffer List { uint pixels[]; } list;
-layout(set = 1, binding = 5, scalar) buffer Args { uint groups; uint y; uint z; uint count; } args;
+layout(set = 1, binding = 5, scalar) buffer Args { MissingArgs at; } args;
 layout(push_constant) uniform Params { float reach; float least_cosine; } params;
 
-#include "indirect/missing.glsl"
+#include "indirect/list_missing.glsl"
 
 // Sum of a subset's samples within `radius` of `centre`, each times its weight for p, and of the weights.
 vec4 subset_sum(uint subset, Point p, vec2 centre, float radius, float reach) {

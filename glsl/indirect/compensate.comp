@@ -14,15 +14,13 @@ layout(set = 1, binding = 4, scalar) readonly buffer Count { uint vpls; } count;
 layout(push_constant) uniform Params { uint first; uint last; uint paths; uint vertices; float min_distance; } params;
 
 #include "indirect/compensate.glsl"
+#include "indirect/samples.glsl"
 
 void main() {
     ivec2 index = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(index, imageSize(irradiance)))) return;
     ivec2 pixel = sample_pixel(first_cell() + uvec2(index));
-    bool lit; // as in gather.comp
-    if (DOWNSAMPLE * INTERLEAVE > 1u) lit = imageLoad(hits, pixel).x != NO_HIT;
-    else lit = imageLoad(albedo, pixel).rgb != vec3(0.0);
-    if (!lit) return;
+    if (!takes_light(pixel)) return;
     Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
     face(surface, direction_to_camera(surface.position));
     Receiver x = receiver_at(surface);

@@ -1,14 +1,14 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // As compensate.comp, at the listed pixels.
-const uint REGATHER_PIXELS = 4u; // as in missing.glsl
-layout(local_size_x = REGATHER_PIXELS, local_size_y = 16) in;
+#include "indirect/missing.glsl"
+layout(local_size_x = MISSING_PIXELS, local_size_y = 16) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, scalar) readonly buffer List { uint pixels[]; } list;
-layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint y; uint z; uint count; } args;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { MissingArgs at; } args;
 layout(set = 1, binding = 3, rgba32f) uniform image2D irradiance;
 layout(set = 1, binding = 4, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 5, scalar) readonly buffer Count { uint vpls; } count;
@@ -17,16 +17,16 @@ layout(push_constant) uniform Params { uint paths; uint vertices; float min_dist
 #include "indirect/compensate.glsl"
 
 const uint PARTS = gl_WorkGroupSize.y;
-shared vec3 parts[PARTS][REGATHER_PIXELS];
+shared vec3 parts[PARTS][MISSING_PIXELS];
 
 void main() {
     uint part = gl_LocalInvocationID.y, column = gl_LocalInvocationID.x;
-    uint index = gl_WorkGroupID.x * REGATHER_PIXELS + column;
-    bool inside = index < args.count;
+    uint index = missing_index(column);
+    bool inside = index < args.at.count;
     ivec2 pixel = ivec2(0);
     uint rays = 0u;
     if (inside) {
-        pixel = ivec2(list.pixels[index] & 0xffffu, list.pixels[index] >> 16);
+        pixel = unpack_pixel(list.pixels[index]);
         Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
         face(surface, direction_to_camera(surface.position));
         Receiver x = receiver_at(surface);

@@ -18,6 +18,7 @@ layout(set = 1, binding = 4, rgba32f) uniform readonly image2D before;
 layout(set = 1, binding = 5, rgba32f) uniform writeonly image2D out_irradiance;
 layout(push_constant, scalar) uniform Params { uint first; uint last; float min_distance; uvec2 block; } params;
 
+#include "indirect/samples.glsl"
 #include "indirect/vpls.glsl"
 
 const uint PARTS = gl_WorkGroupSize.z;
@@ -42,13 +43,7 @@ void main() {
     vec3 irradiance = vec3(0.0);
     uint rays = 0u;
     ivec2 pixel = sample_pixel(first_cell() + uvec2(index));
-    bool lit = false;
-    // Filters carry light to neighbours, which may be brighter; without them black receivers need none.
-    if (inside) {
-        if (DOWNSAMPLE * INTERLEAVE > 1u) lit = imageLoad(hits, pixel).x != NO_HIT;
-        else lit = imageLoad(albedo, pixel).rgb != vec3(0.0);
-    }
-    if (lit) {
+    if (inside && takes_light(pixel)) {
         Surface surface = surface_at(unpack_hit(imageLoad(hits, pixel)));
         face(surface, direction_to_camera(surface.position));
         Receiver x = receiver_at(surface);

@@ -1,13 +1,21 @@
-// Pixels for which the filters found no fitting sample, listed for regather.comp. Expects `list` and `args`.
+// The list of pixels for which the filters found no fitting sample.
 #ifndef INDIRECT_MISSING_GLSL
 #define INDIRECT_MISSING_GLSL
 
-const uint REGATHER_PIXELS = 4u; // a workgroup
+#extension GL_EXT_scalar_block_layout : require
+#include "lib/groups.glsl"
 
-void list_missing(ivec2 pixel) {
-    uint i = atomicAdd(args.count, 1u);
-    list.pixels[i] = uint(pixel.x) | uint(pixel.y) << 16;
-    atomicMax(args.groups, i / REGATHER_PIXELS + 1u);
-}
+const uint MISSING_PIXELS = 4u; // of a workgroup
+
+struct MissingArgs {
+    uvec3 groups; // along a row, rows, 1
+    uint count;
+};
+
+// The place in the list of a pixel of this workgroup.
+uint missing_index(uint pixel) { return group_at(gl_WorkGroupID.x, gl_WorkGroupID.y) * MISSING_PIXELS + pixel; }
+
+uint pack_pixel(ivec2 pixel) { return uint(pixel.x) | uint(pixel.y) << 16; }
+ivec2 unpack_pixel(uint packed) { return ivec2(packed & 0xffffu, packed >> 16); }
 
 #endif

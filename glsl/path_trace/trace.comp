@@ -10,13 +10,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/lights.glsl"
 #include "lib/media.glsl"
 #include "lib/visibility.glsl"
-
-const uint TRANSPORT_FULL = 0u;
-const uint TRANSPORT_DIRECT = 1u;
-const uint TRANSPORT_DIFFUSE_INDIRECT = 2u;
-const uint CONNECT_NONE = 0u;
-const uint CONNECT_DELTA = 1u; // to lights that no ray finds
-const uint CONNECT_ALL = 2u;
+#include "path_trace/modes.glsl"
 
 layout(constant_id = 0) const uint TRANSPORT = TRANSPORT_FULL;
 layout(constant_id = 1) const uint CONNECT = CONNECT_ALL;

@@ -115,6 +115,8 @@ struct Camera {
     vec3 forward; // unit length
 };
 
+const uint MAX_SPECULAR_DEPTH = 16u;
+
 struct SceneData {
     uint64_t instances;
     uint64_t triangles;

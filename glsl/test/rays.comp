@@ -4,6 +4,10 @@
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
 
+layout(set = 1, binding = 0, scalar) writeonly buffer Done { uint data[]; } done;
 layout(push_constant) uniform Params { uint rays; } params;
 
-void main() { count_rays(params.rays); }
+void main() {
+    count_rays(params.rays);
+    done.data[gl_GlobalInvocationID.x] = 1u;
+}

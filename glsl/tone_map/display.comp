@@ -1,8 +1,9 @@
 #version 460
+#extension GL_GOOGLE_include_directive : require
 // Exposure, one of the tone mapping operators, the sRGB transfer function.
 layout(local_size_x = 8, local_size_y = 8) in;
-const uint NEUTRAL = 0u, REINHARD = 1u, ACES = 2u, LINEAR = 3u;
-layout(constant_id = 0) const uint OPERATOR = NEUTRAL;
+#include "tone_map/operators.glsl"
+layout(constant_id = 0) const uint OPERATOR = OPERATOR_NEUTRAL;
 layout(set = 1, binding = 0, rgba32f) uniform readonly image2D radiance;
 layout(set = 1, binding = 1, std430) readonly buffer Exposure { float ev; } exposure;
 layout(set = 1, binding = 2, rgba8) uniform writeonly image2D out_display;
@@ -38,9 +39,9 @@ vec3 aces(vec3 color) {
 }
 
 vec3 tone_mapped(vec3 color) {
-    if (OPERATOR == REINHARD) return reinhard(color);
-    if (OPERATOR == ACES) return aces(color);
-    if (OPERATOR == LINEAR) return color;
+    if (OPERATOR == OPERATOR_REINHARD) return reinhard(color);
+    if (OPERATOR == OPERATOR_ACES) return aces(color);
+    if (OPERATOR == OPERATOR_LINEAR) return color;
     return neutral(color);
 }
 

@@ -15,7 +15,8 @@
 
 #include "trace/direction.glsl"
 
-layout(constant_id = 111) const uint STACK_DEPTH = 24u; // levels of nodes
+const uint MAX_STACK_DEPTH = 24u;
+layout(constant_id = 111) const uint STACK_DEPTH = MAX_STACK_DEPTH; // levels of nodes
 
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhNodes { uvec4 word[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhTriangles { vec4 word[]; };

@@ -3,13 +3,13 @@
 // Lights the points of the list from a range of lights and VPLs, at full resolution, as in the paper: the shorter the
 // list, the more threads share a point. collect.comp adds up what they find.
 // Neighbours in the order are neighbours in space, so their rays to the same source stay together.
-layout(local_size_x = 64) in;
-#include "lib/counters.glsl"
 #include "whitted/reached.glsl"
+layout(local_size_x = POINTS) in;
+#include "lib/counters.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
-layout(set = 1, binding = 2, scalar) readonly buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
+layout(set = 1, binding = 2, scalar) readonly buffer Args { PointArgs at; } args;
 layout(set = 1, binding = 3, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 4, scalar) writeonly buffer Parts { vec3 data[]; } parts;
 layout(set = 1, binding = 5, scalar) readonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
@@ -19,11 +19,12 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint first; uint l
 #include "whitted/sources.glsl"
 
 void main() {
-    uint index = gl_GlobalInvocationID.x, part = gl_WorkGroupID.y;
-    uint listed = min(args.points, params.capacity);
+    uint index = group_at(gl_WorkGroupID.x, gl_WorkGroupID.z) * POINTS + gl_LocalInvocationIndex;
+    uint part = gl_WorkGroupID.y;
+    uint listed = min(args.at.count, params.capacity);
     uint last = min(params.last, source_count());
     if (index >= listed || params.first >= last) return;
-    uint source = params.first + part * args.share;
+    uint source = params.first + part * args.at.share;
     if (source >= last) return;
     uint rays = 0u;
     uint point = order.at[index];
@@ -31,7 +32,7 @@ void main() {
     Lit lit;
     if (GLOSSY) lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
-    uint end = min(source + args.share, last);
+    uint end = min(source + args.at.share, last);
     parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);
     count_rays(rays);
 }

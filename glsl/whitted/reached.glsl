@@ -2,10 +2,11 @@
 #ifndef WHITTED_REACHED_GLSL
 #define WHITTED_REACHED_GLSL
 
+#include "lib/groups.glsl"
 #include "lib/receiver.glsl"
 
 const uint NO_POINT = 0xffffffffu;
-const uint POINTS = 64u; // of one workgroup of light.comp
+const uint POINTS = 64u; // of a workgroup that lights them or adds up their light
 const uint GROUP = 16u;  // sources whose light is summed before it is added to that of others, whoever does it
 
 struct Reached {
@@ -20,6 +21,14 @@ struct Seen {
     uvec4 hit; // packed
     vec3 to_viewer;
     uint seed;
+};
+
+// What to dispatch on the list of points, and how long it is.
+struct PointArgs {
+    uvec3 light; // workgroups: of points along a row, of shares of the sources, rows
+    uint count;
+    uvec3 collect; // of points along a row, rows, 1
+    uint share;    // sources that a thread takes
 };
 
 #endif

@@ -3,13 +3,12 @@
 // Brings the listed points into an order in which neighbours are close in space: behind curved mirrors neighbours in
 // the picture are not, and rays from one light to far-off points go separate ways. A counting sort in one workgroup, by
 // cells of the points' bounding box. The order never shows. Says how many threads share a point, too.
-const uint THREADS = 256u;
-layout(local_size_x = THREADS) in;
+#include "lib/scan.glsl"
 #include "shared/profile.glsl"
 #include "shared/scene.glsl"
 #include "whitted/reached.glsl"
 
-layout(set = 1, binding = 0, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
+layout(set = 1, binding = 0, scalar) buffer Args { PointArgs at; } args;
 layout(set = 1, binding = 1, scalar) readonly buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 2, scalar) writeonly buffer Order { uint at[]; } order;
 layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
@@ -17,10 +16,9 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint room; uint ra
 
 const uvec3 CELLS = uvec3(22u, 7u, 22u); // rooms are low
 const uint SHARE = 14u;
-const uint BINS = SHARE * THREADS; // at least as many as cells; with the rest below 16 KiB, which every device has
+const uint BINS = SHARE * SCAN_THREADS; // at least as many as cells; with the rest below 16 KiB, which every device has
 
 shared uint bins[BINS];
-shared uint before[THREADS];
 shared uint least[3];
 shared uint most[3];
 
@@ -52,21 +50,21 @@ uint share_of(uint listed, uint sources) {
 
 void main() {
     uint thread = gl_LocalInvocationIndex;
-    uint listed = min(args.points, params.capacity);
+    uint listed = min(args.at.count, params.capacity);
     if (thread == 0u) {
         uint widest = min(params.range, scene.light_count + scene.light_samples + count.vpls);
-        args.share = share_of(listed, max(widest, 1u));
-        args.shares = (widest + args.share - 1u) / args.share;
-        args.collect_groups = args.groups;
+        args.at.share = share_of(listed, max(widest, 1u));
+        args.at.light.y = (widest + args.at.share - 1u) / args.at.share;
+        args.at.collect = uvec3(args.at.light.xz, 1u);
     }
     if (thread < 3u) {
         least[thread] = 0xffffffffu;
         most[thread] = 0u;
     }
-    for (uint bin = thread; bin < BINS; bin += THREADS) bins[bin] = 0u;
+    for (uint bin = thread; bin < BINS; bin += SCAN_THREADS) bins[bin] = 0u;
     barrier();
     vec3 low = vec3(1.0 / 0.0), high = -low;
-    for (uint point = thread; point < listed; point += THREADS) {
+    for (uint point = thread; point < listed; point += SCAN_THREADS) {
         vec3 position = points.data[point].receiver.position;
         low = min(low, position);
         high = max(high, position);
@@ -76,25 +74,17 @@ void main() {
         atomicMax(most[axis], ordered(high[axis]));
     }
     barrier();
-    for (uint point = thread; point < listed; point += THREADS) atomicAdd(bins[bin_of(point)], 1u);
+    for (uint point = thread; point < listed; point += SCAN_THREADS) atomicAdd(bins[bin_of(point)], 1u);
     barrier();
 
-    uint first = thread * SHARE, sum = 0u;
+    uint first = thread * SHARE, sum = 0u, total;
     for (uint bin = first; bin < first + SHARE; ++bin) sum += bins[bin];
-    before[thread] = sum;
-    barrier();
-    for (uint step = 1u; step < THREADS; step *= 2u) {
-        uint left = thread >= step ? before[thread - step] : 0u;
-        barrier();
-        before[thread] += left;
-        barrier();
-    }
-    uint start = before[thread] - sum;
+    uint start = sum_before(sum, total);
     for (uint bin = first; bin < first + SHARE; ++bin) {
         uint size = bins[bin];
         bins[bin] = start;
         start += size;
     }
     barrier();
-    for (uint point = thread; point < listed; point += THREADS) order.at[atomicAdd(bins[bin_of(point)], 1u)] = point;
+    for (uint point = thread; point < listed; point += SCAN_THREADS) order.at[atomicAdd(bins[bin_of(point)], 1u)] = point;
 }

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// The Whitted tree behind primary hits: follows mirrors and glass, sums the emission found on the way, and lists
-// the surfaces that scatter light where branches end.
+// The Whitted tree behind primary hits of a strip of the picture: follows mirrors and glass, sums the emission found on
+// the way, and lists the surfaces that scatter light where branches end.
 //
 // They are lit by a kernel of their own (light.comp): few pixels are specular, and a loop over all VPLs in each of
 // them would leave most of a GPU waiting.
@@ -18,9 +18,15 @@ layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_emitted;
 layout(set = 1, binding = 5, r32ui) uniform writeonly uimage2D out_last;
 layout(set = 1, binding = 6, scalar) writeonly buffer Points { Reached data[]; } points;
-layout(set = 1, binding = 7, scalar) buffer Args { uint groups; uint shares; uint z; uint points; uint collect_groups; uint one[2]; uint share; } args;
+layout(set = 1, binding = 7, scalar) buffer Args { PointArgs at; } args;
 layout(set = 1, binding = 8, scalar) writeonly buffer AllSeen { Seen data[]; } seen; // empty where nothing needs it
-layout(push_constant, scalar) uniform Params { uint capacity; uint range; float min_distance; } params;
+layout(push_constant, scalar) uniform Params {
+    uint capacity;
+    uint range;
+    float min_distance;
+    uint first_row; // of the strip whose points are listed
+    uint end_row;
+} params;
 
 #include "whitted/sources.glsl"
 
@@ -33,7 +39,7 @@ struct Branch {
 };
 
 // Depth first: every level leaves at most one branch behind, two where glass has a clear coat.
-const uint MAX_PENDING = GLOSSY ? 33u : 17u; // specular_depth is at most 16
+const uint MAX_PENDING = GLOSSY ? 2u * MAX_SPECULAR_DEPTH + 1u : MAX_SPECULAR_DEPTH + 1u;
 Branch pending[MAX_PENDING];
 uint pending_count = 0u;
 
@@ -70,8 +76,8 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, imageSize(hits)))) return;
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, params.first_row);
+    if (any(greaterThanEqual(pixel, ivec2(imageSize(hits).x, params.end_row)))) return;
     Hit hit;
     vec3 radiance = vec3(0.0);
     uint rays = 0u, followed = 0u, last = NO_POINT;
@@ -105,7 +111,7 @@ void main() {
         }
         if (reflected != vec3(0.0)) {
             // Where in the list a point lies never shows: each pixel sums its own in its own order.
-            uint index = atomicAdd(args.points, 1u);
+            uint index = atomicAdd(args.at.count, 1u);
             lit.seed = hash(area_seed(uvec2(pixel)), followed);
             if (index < params.capacity) {
                 if (GLOSSY || EMISSIVE_TRIANGLES || ENVIRONMENT) {
@@ -113,7 +119,9 @@ void main() {
                 }
                 points.data[index] = Reached(receiver_at(surface), reflected, vec3(0.0), last);
                 last = index;
-                atomicMax(args.groups, index / POINTS + 1u);
+                uint groups = index / POINTS + 1u;
+                atomicMax(args.at.light.x, groups_along(groups));
+                atomicMax(args.at.light.z, rows_of(groups));
             } else {
                 // In the order of light.comp.
                 vec3 irradiance = vec3(0.0);

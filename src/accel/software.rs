@@ -23,7 +23,7 @@ use obvhs::triangle::Triangle;
 
 /// The deepest stack a kernel may ask for: with 64 invocations 12 KiB of the 16 KiB of shared memory that
 /// every device has.
-pub const MAX_STACK_DEPTH: u32 = 24;
+pub const MAX_STACK_DEPTH: u32 = crate::shaders::MAX_STACK_DEPTH;
 
 /// `obvhs` counts seven decisions a binary node in 32 bits.
 const MAX_TRIANGLES: u64 = 1 << 28;

@@ -21,7 +21,7 @@ pub(crate) mod adaptive;
 use super::Kernels;
 use super::setting::{BadValue, Settings, within};
 use crate::graph::{Graph, Grid, Image, Res};
-use crate::shaders::path_trace::trace;
+use crate::shaders::{self, path_trace::trace};
 use adaptive::Round;
 
 /// Most paths a pixel: 32-bit floats count no further.
@@ -135,14 +135,14 @@ pub fn path_trace(
     let emitters = k.area_lights();
     let spec = trace::Spec {
         transport: match config.transport {
-            Transport::Full => 0,
-            Transport::Direct => 1,
-            Transport::DiffuseIndirect => 2,
+            Transport::Full => shaders::TRANSPORT_FULL,
+            Transport::Direct => shaders::TRANSPORT_DIRECT,
+            Transport::DiffuseIndirect => shaders::TRANSPORT_DIFFUSE_INDIRECT,
         },
         connect: match config.estimator {
-            Estimator::Mis if emitters || k.lights() > 0 => 2,
-            Estimator::Naive if k.lights() > 0 => 1,
-            _ => 0,
+            Estimator::Mis if emitters || k.lights() > 0 => shaders::CONNECT_ALL,
+            Estimator::Naive if k.lights() > 0 => shaders::CONNECT_DELTA,
+            _ => shaders::CONNECT_NONE,
         },
         box_filter: config.pixel_filter == PixelFilter::Box,
         finds_light: k.finds_light(),

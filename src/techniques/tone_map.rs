@@ -2,7 +2,10 @@
 
 use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
-use crate::shaders::tone_map::{display, exposure, rows};
+use crate::shaders::{
+    self,
+    tone_map::{display, exposure, rows},
+};
 use crate::vk::Format;
 
 /// How exposed radiance is brought into the range of a screen, 0 … 1.
@@ -12,15 +15,15 @@ pub enum Operator {
     /// Khronos PBR Neutral (specification of May 2024): colours up to 0.76 stay as they are but for a small offset,
     /// brighter ones are compressed and lose saturation.
     #[default]
-    Neutral = 0,
+    Neutral = shaders::OPERATOR_NEUTRAL as isize,
     /// Reinhard et al. 2002, *Photographic Tone Reproduction for Digital Images*, equation 4, on luminance: everything
     /// is compressed, and [`ToneMapConfig::white`] comes out as 1. Keeps hue and saturation; saturated lights clip.
-    Reinhard = 1,
+    Reinhard = shaders::OPERATOR_REINHARD as isize,
     /// Stephen Hill's fit (BakingLab, 2016) of ACES 1.0, its reference rendering and sRGB output transforms: film's
     /// contrast, bright colours turn white. Middle grey, 0.18, comes out as 0.11.
-    Aces = 2,
+    Aces = shaders::OPERATOR_ACES as isize,
     /// None: what is above 1 is clipped, channel by channel.
-    Linear = 3,
+    Linear = shaders::OPERATOR_LINEAR as isize,
 }
 
 impl Operator {

@@ -17,8 +17,8 @@ use super::Kernels;
 use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Res};
 use crate::shaders::{
-    Vpl,
-    vpl_shoot::{compact, paths},
+    BLOCK_SLOTS, Vpl,
+    vpl_shoot::{compact, count, paths, scan},
 };
 
 /// How virtual point lights are made.
@@ -26,7 +26,8 @@ use crate::shaders::{
 #[serde(default, deny_unknown_fields)]
 pub struct VplShootConfig {
     /// VPL slots, 1 … 2²⁴. ⌊vpls / bounces⌋ paths (at least one) are shot. More: less noise and weaker
-    /// splotches, gather cost grows in proportion. The paper uses 30, 90 and 180.
+    /// splotches, gather cost grows in proportion. The paper uses 30, 90 and 180. Two lists
+    /// take 44 bytes a slot each; a device that binds 128 MiB at a time has room for 3 050 402.
     pub vpls: u32,
     /// Diffuse hits a path leaves VPLs at, 1 … 32: 1 is one indirect bounce. Fewer lose energy (a closed room
     /// of albedo ρ keeps 1 − ρ^(bounces+1) of it), more thin the paths. Ours: the paper leaves it to the user.
@@ -98,15 +99,80 @@ pub fn compact(g: &mut Graph, config: &VplShootConfig, paths: &Paths, subsets: u
     g.group("vpl_shoot", |g| {
         let &Paths { slots } = paths;
         let list = g.buffer("vpls", bytes(config));
-        let count = g.buffer("count", 4 * (u64::from(subsets) + 2));
-        let bind = compact::Bind { slots, vpls: list, count };
+        let counts = g.buffer("count", 4 * (u64::from(subsets) + 2));
+        let blocks = config.slots().div_ceil(BLOCK_SLOTS);
+        let before = (blocks > 1).then(|| {
+            let blocks_of = g.buffer("blocks", 4 * u64::from(blocks));
+            let grid = Grid::Of([blocks * count::CODE.workgroup[0], 1, 1]);
+            let bind = count::Bind { slots, blocks: blocks_of };
+            g.pass("count", &count::kernel(), bind, count::Params { slots: config.slots() }, grid);
+            let bind = scan::Bind { blocks: blocks_of };
+            g.pass("scan", &scan::kernel(), bind, scan::Params { blocks }, Grid::Of([1, 1, 1]));
+            blocks_of
+        });
+        let spec = compact::Spec { blocks: before.is_some() };
+        // Unread where there is one block.
+        let bind = compact::Bind { slots, blocks: before.unwrap_or(slots), vpls: list, count: counts };
         let params = compact::Params { paths: config.paths(), bounces: config.bounces, subsets };
-        g.pass("compact", &compact::kernel(), bind, params, Grid::Of([1, 1, 1]));
+        let grid = Grid::Of([blocks * compact::CODE.workgroup[0], 1, 1]);
+        g.pass("compact", &compact::kernel(spec), bind, params, grid);
         let subset_slots = config.paths().div_ceil(subsets) * config.bounces;
-        Vpls { list, count, slots: config.slots(), subset_slots, bounces: config.bounces }
+        Vpls { list, count: counts, slots: config.slots(), subset_slots, bounces: config.bounces }
     })
 }
 
 fn bytes(config: &VplShootConfig) -> u64 {
     u64::from(config.slots()) * size_of::<Vpl>() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::common;
+    use crate::graph::{Executor, RunOptions};
+    use crate::sampling::hash;
+    use crate::vk::Backend;
+
+    /// Around the limits of workgroups and blocks, and where a thread scans several blocks.
+    #[test]
+    fn gaps_close_as_in_a_serial_scan() {
+        let Some((_guard, device)) = common::device() else { return };
+        let mut executor = Executor::new(&device, Backend::Software).unwrap();
+        let block = BLOCK_SLOTS;
+        let small = [1, 2, 255, 256, 257, block - 1, block, block + 1, 3 * block + 5, 256 * block + 1];
+        let shapes = [(1, 1), (1, 9), (3, 4)];
+        let mut cases: Vec<_> = small.into_iter().flat_map(|n| shapes.map(|(b, s)| (n, b, s))).collect();
+        cases.push((1 << 21, 1, 9));
+        for (vpls, bounces, subsets) in cases {
+            // Some gaps, none, nothing else.
+            for gaps in [4, u32::MAX, 1].into_iter().take(if vpls < block { 3 } else { 1 }) {
+                let config = VplShootConfig { vpls, bounces };
+                let gap = |slot: u32| hash(slot).is_multiple_of(gaps);
+                let slot = |slot| Vpl {
+                    path: slot,
+                    flux: if gap(slot) { [0.0; 3] } else { [1.0; 3] },
+                    ..Vpl::default()
+                };
+                let data: Vec<Vpl> = (0..config.slots()).map(slot).collect();
+                let mut g = Graph::new();
+                let slots = g.buffer("slots", bytes(&config));
+                g.upload("slots", slots, bytemuck::cast_slice(&data).to_vec());
+                let vpls = compact(&mut g, &config, &Paths { slots }, subsets);
+                let (list, count) = (g.read_buffer::<Vpl>(vpls.list), g.read_buffer::<u32>(vpls.count));
+                let mut run = executor.run(g, &RunOptions::default()).unwrap();
+                let (list, count) = (run.take(list), run.take(count));
+
+                let what = format!("{config:?}, {subsets} subsets, gaps {gaps}");
+                let kept: Vec<u32> = (0..config.slots()).filter(|&slot| !gap(slot)).collect();
+                assert_eq!(count[0] as usize, kept.len(), "{what}");
+                assert!(list.iter().zip(&kept).all(|(vpl, &slot)| vpl.path == slot), "{what}");
+                for (subset, &start) in (0..=subsets).zip(&count[1..]) {
+                    let paths = config.paths();
+                    let first = bounces * (subset * (paths / subsets) + subset.min(paths % subsets));
+                    let before = kept.partition_point(|&slot| slot < first);
+                    assert_eq!(start as usize, before, "{what}: subset {subset}");
+                }
+            }
+        }
+    }
 }

@@ -6,8 +6,8 @@
 //! `specular`: the tree of mirrored and transmitted rays behind primary hits, with emission, direct light and
 //! (at full resolution, from every VPL, as in the paper) indirect light where they end. Four passes: `tree`
 //! follows the rays and lists the points they end at, `sort` brings them into spatial order, `light` lights the
-//! list, `sum` gathers each pixel's share. Opaque mirrors follow
-//! Schlick's approximation as glTF does, glass the exact Fresnel equations; a transmissive surface without volume
+//! list, `sum` gathers each pixel's share; large pictures are cut into strips, so that lists stay short. Opaque mirrors
+//! follow Schlick's approximation as glTF does, glass the exact Fresnel equations; a transmissive surface without volume
 //! is a thin wall with R' = 2R / (1 + R), straight through, and one with volume refracts and absorbs. Smooth clear coats
 //! are mirrors too.
 //!
@@ -21,13 +21,18 @@ use super::setting::{BadValue, Settings, within};
 use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::{
-    Reached, Seen,
+    MAX_SPECULAR_DEPTH, PointArgs, Reached, Seen,
     whitted::{self as kernels, collect, light, sort, sum, tree},
 };
 use crate::vk::Format;
+use std::mem::offset_of;
 
 /// Lights and VPLs that one pass takes; bounded as [`super::indirect::RANGE`] is.
 const RANGE: u32 = 256;
+
+/// Pixels of a strip, as far as it is more than a row, whose points are listed at a time: 64 bytes each, 32 more where
+/// surfaces are glossy or lights have a size.
+const LISTED_PIXELS: u32 = 1 << 20;
 
 /// Sums of light at a point that are kept apart, 12 bytes each: enough to fill any device with short lists.
 const ROOM: u32 = 1 << 22;
@@ -56,7 +61,7 @@ impl Default for WhittedConfig {
 
 impl Settings for WhittedConfig {
     fn check(&self) -> Result<(), BadValue> {
-        within("whitted.specular_depth", self.specular_depth, 0..=16)?;
+        within("whitted.specular_depth", self.specular_depth, 0..=MAX_SPECULAR_DEPTH)?;
         within("whitted.mirror_roughness", self.mirror_roughness, 0.0..=1.0)?;
         within("whitted.light_samples", self.light_samples, 1..=4096)
     }
@@ -90,20 +95,25 @@ pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) 
     })
 }
 
-/// Where specular paths from the camera end: a list of points still to be lit.
+/// Where specular paths from the camera end: lists of points still to be lit, a strip of the picture at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct Reflections {
+    gbuffer: GBuffer,
     emitted: Res<Image>,
     last: Res<Image>,
     points: Res<Buffer>,
     seen: Res<Buffer>,
-    args: Res<Buffer>,
     order: Res<Buffer>,
+    /// Of the first strip.
+    args: Res<Buffer>,
+    /// Rows of a strip.
+    rows: u32,
+    /// Points that a list holds. Those beyond are lit where they are found: slower, the same light.
     capacity: u32,
     min_distance: f32,
 }
 
-/// Follows mirrors and glass; `None` where the scene has neither or no specular bounce is asked for.
+/// Follows mirrors and glass in the first strip; `None` where the scene has neither or no specular bounce is asked for.
 pub fn tree(
     g: &mut Graph,
     k: &Kernels,
@@ -115,47 +125,79 @@ pub fn tree(
     (k.specular() && config.specular_depth > 0).then(|| {
         g.group("whitted", |g| {
             let desc = g.desc(gb.albedo);
-            // Points beyond are lit where they are found: slower, the same light.
-            let capacity = desc.extent[0] * desc.extent[1];
+            let [width, height] = desc.extent;
+            let rows = (LISTED_PIXELS / width).clamp(1, height);
+            let capacity = width * rows;
             let emitted = g.image("emitted", desc);
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
             let known = if k.glossy() || k.area_lights() { capacity } else { 1 };
             let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
-            let args =
-                g.buffer_with("light_args", bytemuck::cast_slice(&[0_u32, 0, 1, 0, 0, 1, 1, 0]).to_vec());
-            let (hits, vpls, count) = (gb.hits, vpls.list, vpls.count);
-            g.pass(
-                "tree",
-                &tree::kernel(&k.scene),
-                tree::Bind {
-                    hits,
-                    albedo: gb.albedo,
-                    vpls,
-                    count,
-                    out_emitted: emitted,
-                    out_last: last,
-                    points,
-                    args,
-                    seen,
-                },
-                tree::Params { capacity, range: RANGE, min_distance },
-                Grid::Over(emitted),
-            );
-            Reflections { emitted, last, points, seen, args, order, capacity, min_distance }
+            let args = point_args(g);
+            let gbuffer = *gb;
+            let reflections = Reflections {
+                gbuffer,
+                emitted,
+                last,
+                points,
+                seen,
+                order,
+                args,
+                rows,
+                capacity,
+                min_distance,
+            };
+            follow(g, k, &reflections, vpls, args, 0);
+            reflections
         })
     })
 }
 
-/// Brings the points into an order that [`specular`] lights faster; a step of its own so that others can run beside it.
+fn point_args(g: &mut Graph) -> Res<Buffer> {
+    let none = PointArgs { light: [0, 0, 1], ..PointArgs::default() };
+    g.buffer_with("light_args", bytemuck::bytes_of(&none).to_vec())
+}
+
+/// Invocations over a strip.
+fn strip(g: &Graph, r: &Reflections) -> Grid {
+    Grid::Of([g.desc(r.emitted).extent[0], r.rows, 1])
+}
+
+/// Lists the points of the strip that begins in this row.
+fn follow(g: &mut Graph, k: &Kernels, r: &Reflections, vpls: &Vpls, args: Res<Buffer>, first_row: u32) {
+    let bind = tree::Bind {
+        hits: r.gbuffer.hits,
+        albedo: r.gbuffer.albedo,
+        vpls: vpls.list,
+        count: vpls.count,
+        out_emitted: r.emitted,
+        out_last: r.last,
+        points: r.points,
+        args,
+        seen: r.seen,
+    };
+    let (capacity, min_distance) = (r.capacity, r.min_distance);
+    let end_row = end_row(g, r, first_row);
+    let params = tree::Params { capacity, range: RANGE, min_distance, first_row, end_row };
+    let grid = strip(g, r);
+    g.pass("tree", &tree::kernel(&k.scene), bind, params, grid);
+}
+
+fn end_row(g: &Graph, r: &Reflections, first_row: u32) -> u32 {
+    (first_row + r.rows).min(g.desc(r.emitted).extent[1])
+}
+
+/// Brings the points of the first strip into an order that [`specular`] lights faster; a step of its own so that others
+/// can run beside it.
 pub fn sort(g: &mut Graph, k: &Kernels, reflections: &Reflections, vpls: &Vpls) {
-    let &Reflections { points, args, order, capacity, .. } = reflections;
-    g.group("whitted", |g| {
-        let bind = sort::Bind { args, points, order, count: vpls.count };
-        let params = sort::Params { capacity, room: room(capacity), range: RANGE };
-        g.pass("sort", &sort::kernel(&k.scene), bind, params, Grid::Of([1, 1, 1]));
-    });
+    g.group("whitted", |g| arrange(g, k, reflections, vpls, reflections.args));
+}
+
+fn arrange(g: &mut Graph, k: &Kernels, r: &Reflections, vpls: &Vpls, args: Res<Buffer>) {
+    let bind = sort::Bind { args, points: r.points, order: r.order, count: vpls.count };
+    let params = sort::Params { capacity: r.capacity, room: room(r.capacity), range: RANGE };
+    g.pass("sort", &sort::kernel(&k.scene), bind, params, Grid::Of([1, 1, 1]));
 }
 
 fn room(capacity: u32) -> u32 {
@@ -170,25 +212,35 @@ pub fn specular(
     reflections: &Reflections,
     vpls: &Vpls,
 ) -> Res<Image> {
-    let &Reflections { emitted, last, points, seen, args, order, capacity, min_distance } = reflections;
+    let &Reflections { emitted, last, points, seen, order, rows, capacity, min_distance, .. } = reflections;
     let sources = config.sources(k, vpls);
     g.group("whitted", |g| {
         let parts = g.buffer("parts", u64::from(room(capacity)) * 12);
-        let (vpls, count) = (vpls.list, vpls.count);
-        let grid = Grid::Indirect { buffer: args, offset: 0 };
-        for first in (0..sources).step_by(RANGE as usize) {
-            let range = first + RANGE;
-            let bind = light::Bind { vpls, count, args, points, parts, seen, order };
-            let params = light::Params { capacity, first, last: range, min_distance };
-            g.pass("light", &light::kernel(&k.scene), bind, params, grid);
-            let bind = collect::Bind { count, args, parts, points, order };
-            let params = collect::Params { capacity, first, last: range };
-            let grid = Grid::Indirect { buffer: args, offset: 16 };
-            g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
-        }
         let out = g.image("specular", g.desc(emitted));
-        let bind = sum::Bind { emitted, last, points, out_radiance: out };
-        g.pass("sum", &sum::kernel(&k.scene), bind, sum::Params {}, Grid::Over(out));
+        let mut args = reflections.args;
+        for first_row in (0..g.desc(emitted).extent[1]).step_by(rows as usize) {
+            if first_row > 0 {
+                args = point_args(g);
+                follow(g, k, reflections, vpls, args, first_row);
+                arrange(g, k, reflections, vpls, args);
+            }
+            let (vpls, count) = (vpls.list, vpls.count);
+            for first in (0..sources).step_by(RANGE as usize) {
+                let range = first + RANGE;
+                let bind = light::Bind { vpls, count, args, points, parts, seen, order };
+                let params = light::Params { capacity, first, last: range, min_distance };
+                let grid = Grid::Indirect { buffer: args, offset: offset_of!(PointArgs, light) as u64 };
+                g.pass("light", &light::kernel(&k.scene), bind, params, grid);
+                let bind = collect::Bind { count, args, parts, points, order };
+                let params = collect::Params { capacity, first, last: range };
+                let grid = Grid::Indirect { buffer: args, offset: offset_of!(PointArgs, collect) as u64 };
+                g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
+            }
+            let bind = sum::Bind { emitted, last, points, out_radiance: out };
+            let params = sum::Params { first_row, end_row: end_row(g, reflections, first_row) };
+            let grid = strip(g, reflections);
+            g.pass("sum", &sum::kernel(&k.scene), bind, params, grid);
+        }
         out
     })
 }

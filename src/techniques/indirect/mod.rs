@@ -44,6 +44,7 @@ use super::setting::{BadValue, Settings, within};
 use super::{Kernels, vpl_shoot::VplShootConfig, vpl_shoot::Vpls};
 use crate::accel::boxes::BoxOptions;
 use crate::graph::{Buffer, Res};
+use crate::shaders;
 
 /// How virtual point lights are gathered.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -175,15 +176,15 @@ impl Settings for IndirectConfig {
 pub enum Visibility {
     /// Triangles.
     #[default]
-    Exact = 0,
+    Exact = shaders::VISIBILITY_EXACT as isize,
     /// The paper's imperfect visibility: triangles' bounding boxes, in a second structure.
-    Boxes = 1,
+    Boxes = shaders::VISIBILITY_BOXES as isize,
     /// Ours: as `boxes`, but a box with thickness blocks only what enters and leaves it on opposite sides of its
     /// triangle's plane.
-    BoxesPlane = 2,
+    BoxesPlane = shaders::VISIBILITY_BOXES_PLANE as isize,
     /// As `boxes`, without a second structure: rays descend that over triangles and stop at the box of a leaf's
     /// triangle. Traced in software only.
-    BoxesInline = 3,
+    BoxesInline = shaders::VISIBILITY_BOXES_INLINE as isize,
 }
 
 impl Visibility {

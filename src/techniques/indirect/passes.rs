@@ -4,6 +4,7 @@ use super::{
     Filter, IndirectConfig, Missing, SampleGrid, Scope, Upsample, compensate, downsample, interleave,
 };
 use crate::graph::{Buffer, Graph, Image, Res};
+use crate::shaders::MissingArgs;
 use crate::techniques::Kernels;
 use crate::techniques::gbuffer::{GBuffer, Geometry};
 use crate::techniques::vpl_shoot::Vpls;
@@ -101,6 +102,7 @@ pub fn reconstruct(
 fn missing(g: &mut Graph, config: &IndirectConfig, [width, height]: [u32; 2]) -> Missing {
     let room = if config.upsample == Upsample::Plane { u64::from(width) * u64::from(height) } else { 1 };
     let list = g.buffer("missing", 4 * room);
-    let args = g.buffer_with("regather_args", bytemuck::cast_slice(&[0_u32, 1, 1, 0]).to_vec());
+    let none = MissingArgs { groups: [0, 1, 1], count: 0 };
+    let args = g.buffer_with("regather_args", bytemuck::bytes_of(&none).to_vec());
     Missing { list, args }
 }

@@ -18,11 +18,13 @@
 //! its own for each round would bar the bias altogether, and lose more than that: four times the samples of one sequence
 //! leave 5.5 times less variance in the Cornell box, 4.5 in the Office.
 
+use crate::shaders::path_trace::trace;
+
 /// Samples a pixel of the first round.
 const FIRST: u32 = 16;
 
 /// Width and height of the tiles that share a rate (pixels).
-const TILE: u32 = 8;
+const TILE: u32 = trace::CODE.workgroup[0];
 
 /// Most samples a pixel takes where the mean is one.
 pub(crate) const MAX_RATE: u32 = 8;
