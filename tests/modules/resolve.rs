@@ -14,6 +14,9 @@ use syn::{Attribute, Expr, ExprLit, Item, Lit, Meta, UseTree, Visibility};
 /// The library's name, by which its binary and its own macros reach it.
 pub(crate) const LIBRARY: &str = "parhelion";
 
+/// What begins an item with a name.
+const ITEMS: &[&str] = &["const", "enum", "fn", "static", "struct", "trait", "type", "union"];
+
 /// The files of a crate or two.
 #[derive(Default)]
 pub(crate) struct Files {
@@ -22,6 +25,8 @@ pub(crate) struct Files {
     pub(crate) uses: BTreeMap<(usize, usize, String), usize>,
     /// Paths into a module that has no such item.
     pub(crate) unknown: Vec<String>,
+    /// Names of the modules that tests alone have.
+    pub(crate) tests: Vec<String>,
 }
 
 /// A module that is a file. Inline modules belong to the file they are in.
@@ -35,7 +40,8 @@ pub(crate) struct File {
 
 /// Reads the crates with these names and root files, the library first.
 pub(crate) fn read(roots: &[(&str, &str)], source: &dyn Fn(&Path) -> Option<String>) -> Files {
-    let mut reader = Reader { source, files: Vec::new(), scopes: Vec::new(), references: Vec::new() };
+    let mut reader =
+        Reader { source, files: Vec::new(), scopes: Vec::new(), references: Vec::new(), tests: Vec::new() };
     for (name, path) in roots {
         let (path, root) = (PathBuf::from(path), reader.scopes.len());
         reader.files.push(File { name: (*name).to_owned(), path: path.clone(), parent: None });
@@ -92,6 +98,7 @@ struct Reader<'a> {
     files: Vec<File>,
     scopes: Vec<Scope>,
     references: Vec<Reference>,
+    tests: Vec<String>,
 }
 
 impl Reader<'_> {
@@ -123,7 +130,7 @@ impl Reader<'_> {
                 }
             }
         }
-        Files { files: self.files, uses, unknown }
+        Files { files: self.files, uses, unknown, tests: self.tests }
     }
 
     /// Everything `path` may name, seen from `scope`; nothing if it leads into a module without such an item.
@@ -270,6 +277,12 @@ impl Walk<'_, '_> {
             match &tokens[at] {
                 TokenTree::Group(group) => self.tokens(group.stream()),
                 TokenTree::Ident(first) => {
+                    // What the macro may define.
+                    if let Some(TokenTree::Ident(name)) = tokens.get(at + 1)
+                        && ITEMS.iter().any(|keyword| first == keyword)
+                    {
+                        self.reader.bind(self.scope, name, Binding::Item);
+                    }
                     let start = at;
                     let mut path = vec![first.to_string()];
                     while let (true, true, Some(TokenTree::Ident(next))) =
@@ -309,6 +322,9 @@ impl<'ast> Visit<'ast> for Walk<'_, '_> {
             _ => return,
         };
         if attributes.iter().any(is_test) {
+            if let Item::Mod(item) = item {
+                self.reader.tests.push(item.ident.to_string());
+            }
             return;
         }
         if let Some(name) = name {
