@@ -86,7 +86,7 @@ const OPTIONS: &[CliOption] = &[
         key: "path_trace.spp",
         group: OptionGroup::Light,
         rare: false,
-        help: "Paths a pixel of --method path: 4 times as many halve the noise [default: 64]",
+        help: "Paths a pixel of --method path: 4 times as many halve noise [default: 64]",
         more: "",
         value: OptionValue::Whole("N"),
     },
