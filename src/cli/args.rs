@@ -1,6 +1,5 @@
 //! What can be said on the command line. `-h` shows the options most used, a line each, `--help` all there is to say.
 
-use super::settings::Assignment;
 use crate::config::{PRESETS, Preset};
 use crate::methods::{CliOption, Method, OptionGroup, OptionValue, REGISTRY};
 use crate::renderer::{Aov, BackendChoice};
@@ -238,6 +237,9 @@ pub(super) struct Render {
     #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", help_heading = OUTPUT, hide_short_help = true, value_parser = tap)]
     pub(super) tap: Vec<(String, PathBuf)>,
 }
+
+/// What an option sets: its word, its key and, where it is given, its value.
+pub(super) type Assignment = (&'static str, &'static str, Option<String>);
 
 /// What the options of all methods were given.
 pub(super) struct MethodOptions(Vec<(&'static CliOption, String)>);

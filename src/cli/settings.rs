@@ -1,12 +1,9 @@
 //! The configuration: a file, then a preset, then assignments, then options, each winning over what came before.
 
-use super::args::{Render, Settings};
+use super::args::{Assignment, Render, Settings};
 use super::failure::{Failure, input};
 use crate::config::{ConfigError, MAX_SPP, RenderConfig};
 use crate::methods::{Method, REGISTRY};
-
-/// What an option sets: its word, its key and, where it is given, its value.
-pub(super) type Assignment = (&'static str, &'static str, Option<String>);
 
 impl Settings {
     /// What the file says, on top of `base`.
