@@ -84,6 +84,21 @@ fn layers_are_found_by_the_names_of_the_command_line() {
 }
 
 #[test]
+fn exact_comparison_sees_one_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    write(&file("a.exr"), SIZE, 1.0, |_| {});
+    write(&file("same.exr"), SIZE, 1.0, |_| {});
+    write(&file("other.exr"), SIZE, 1.0, |beauty| beauty[7] = f32::from_bits(beauty[7].to_bits() ^ 1));
+    let exact = |other: &str| compare(folder.path(), &["--exact", "a.exr", other]);
+    assert_eq!(stdout(&exact("same.exr")), "the same bits in 4 channels\n");
+    let output = exact("other.exr");
+    assert_eq!(output.status.code(), Some(1));
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(error, "error: a.exr: channel G differs from other.exr in 1 pixels\n");
+}
+
+#[test]
 fn what_cannot_be_compared_is_refused_by_file_thing_and_place() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);

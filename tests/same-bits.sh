@@ -42,23 +42,24 @@ settings=(
     "$glass --method path --spp 4 --estimator naive"
     "$office --method path --spp 40 --adaptive --aov rate"
     "builtin:cornell --method path --spp 4 --crop 5,5,30,20 --seed 3"
-    "builtin:cornell --backend ray-query --vpls 60 --size 24x18"
+    "builtin:cornell --backend ray-query --vpls 60"
 )
 differ=0
 for index in "${!settings[@]}"; do
     words=${settings[$index]}
+    [[ $words == *--backend* ]] && backend= || backend='--backend software'
     for binary in old new; do
         # shellcheck disable=SC2086
-        "${!binary}" render --backend software --size 48x36 --quiet $words \
+        "${!binary}" render $backend --size 48x36 --quiet $words \
             -o "$scratch/$binary.exr" -o "$scratch/$binary.png" >"$scratch/$binary.txt" 2>&1 ||
             { echo "$((index + 1)) FAILED by the $binary binary: $words"; cat "$scratch/$binary.txt"; }
     done
-    if cmp -s "$scratch/old.exr" "$scratch/new.exr" && cmp -s "$scratch/old.png" "$scratch/new.png"; then
+    if "$new" compare --exact "$scratch/old.exr" "$scratch/new.exr" >"$scratch/compare.txt" 2>&1 && cmp -s "$scratch/old.png" "$scratch/new.png"; then
         echo "$((index + 1)) same: ${words//"$folder"\//}"
     else
         differ=$((differ + 1))
         echo "$((index + 1)) DIFFERS: $words"
-        "$new" compare "$scratch/old.exr" "$scratch/new.exr" 2>&1 | head -3
+        cat "$scratch/compare.txt"
     fi
     rm -f "$scratch"/*.exr "$scratch"/*.png
 done

@@ -3,6 +3,7 @@
 use super::args::Compare;
 use super::failure::{Failure, input};
 use super::print::print;
+use crate::ErrorClass;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, ReadPicture, extension, magma};
 use std::fmt::Write;
@@ -25,6 +26,9 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
     if image.window != reference.window {
         let (there, here) = (image.window, reference.window);
         return Err(input!("{file}: holds the window {there:?}, {other} {here:?} (x0, y0, x1, y1)"));
+    }
+    if args.exact {
+        return exact(args, &image, &reference);
     }
     let names = channels(&image, &args.image, args.layer.as_deref())?;
     if let Some(name) = names.iter().find(|name| !reference.channels.contains_key(**name)) {
@@ -59,6 +63,24 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
         }
     }
     print(&text)
+}
+
+/// Fails where a channel is missing or differs in a bit; what the files say about themselves may differ.
+fn exact(args: &Compare, image: &ReadPicture, reference: &ReadPicture) -> Result<(), Failure> {
+    let (file, other) = (args.image.display(), args.reference.display());
+    let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    for name in image.channels.keys().chain(reference.channels.keys()) {
+        let differ = match (image.channels.get(name), reference.channels.get(name)) {
+            (Some(a), Some(b)) => bits(a).into_iter().zip(bits(b)).filter(|(a, b)| a != b).count(),
+            (Some(_), None) => return Err(input!("{other}: no channel {name}, which {file} has")),
+            _ => return Err(input!("{file}: no channel {name}, which {other} has")),
+        };
+        if differ > 0 {
+            let error = anyhow::anyhow!("{file}: channel {name} differs from {other} in {differ} pixels");
+            return Err(Failure { class: ErrorClass::Other, error });
+        }
+    }
+    print(&format!("the same bits in {} channels\n", image.channels.len()))
 }
 
 fn read(file: &Path) -> Result<ReadPicture, Failure> {

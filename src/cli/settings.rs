@@ -102,3 +102,65 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
     args.settings.check(&config, &options)?;
     Ok(config)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::args::{Cli, Command};
+    use super::*;
+    use crate::methods::{CliOption, OptionValue};
+    use clap::{CommandFactory, Parser};
+
+    fn given(method: &Method, option: &CliOption) -> Result<RenderConfig, String> {
+        let value = match option.value {
+            OptionValue::Whole(_) => Some("2"),
+            OptionValue::Number(_) | OptionValue::Distance(_) => Some("0.75"),
+            OptionValue::Word(_, words) => words.last().copied(),
+            OptionValue::Flag => None,
+        };
+        let words = ["parhelion", "render", "-D", "indirect.visibility=boxes", "--method", method.name];
+        let words = words.into_iter().chain([option.word]).chain(value);
+        let Command::Render(args) = Cli::try_parse_from(words).unwrap().command else { unreachable!() };
+        let found = settings(&args).map_err(|failure| failure.error.to_string())?;
+        let mut expected = RenderConfig { method: found.method, ..RenderConfig::default() };
+        let key = format!("{}={}", option.key, value.unwrap_or("true"));
+        for assignment in ["indirect.visibility=boxes", &key] {
+            expected.apply_override(assignment).unwrap();
+        }
+        assert_eq!(found, expected, "{}", option.word);
+        assert!(key.starts_with("indirect.visibility") || found != given_nothing(found.method), "{key}");
+        Ok(found)
+    }
+
+    fn given_nothing(method: &'static Method) -> RenderConfig {
+        let mut config = RenderConfig { method, ..RenderConfig::default() };
+        config.apply_override("indirect.visibility=boxes").unwrap();
+        config
+    }
+
+    #[test]
+    fn options_of_every_method_are_in_help_and_set_their_keys_for_it_alone() {
+        let mut command = Cli::command();
+        let help = command.find_subcommand_mut("render").unwrap().render_long_help().to_string();
+        for method in REGISTRY {
+            for option in method.options {
+                assert!(help.contains(option.word) && help.contains(option.help), "{}: {help}", option.word);
+                for other in REGISTRY {
+                    let shared = other.options.iter().any(|there| there.word == option.word);
+                    match given(other, option) {
+                        Ok(config) => assert!(shared && config.method == *other),
+                        Err(error) => {
+                            assert!(
+                                !shared && error.contains(option.word) && error.contains(other.name),
+                                "{error}"
+                            );
+                        }
+                    }
+                }
+            }
+            assert!(
+                help.contains(&format!("--method {}", method.name)) || *method == REGISTRY[0],
+                "its layers"
+            );
+        }
+    }
+}
