@@ -65,6 +65,8 @@ impl Kernels {
             emissive_triangles: profile.emission,
             environment: profile.environment,
             stack_depth,
+            // Lobes are what a technique asks for.
+            glossy: false,
             ..SceneSpec::default()
         }
     }
