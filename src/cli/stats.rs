@@ -72,6 +72,7 @@ pub(super) fn stats(
         "economy": economy.map(Economy::json),
         "total_ms": frame.total_ms,
         "wall_ms": frame.wall_ms,
+        "host_ms": frame.host_ms,
         "peak_device_bytes": frame.peak_device_bytes,
         "outputs": outputs.iter().map(|file| file.display().to_string()).collect::<Vec<_>>(),
     })

@@ -1,3 +1,5 @@
+//! What can be wrong with a graph, its plan or its run.
+
 use crate::ErrorClass;
 use std::fmt;
 
@@ -113,7 +115,7 @@ pub enum Violation {
     },
 }
 
-/// Why a graph was not planned or did not run.
+/// An error of planning or running a graph.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

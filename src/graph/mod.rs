@@ -22,6 +22,9 @@
 //!   changes as long as a kernel does not read `gl_NumWorkGroups`, which counts those of its band. Once a graph
 //!   has run, the speed of its passes is known and a frame below that time is one submit.
 //! - Names are paths ([`Graph::group`]); the times of passes roll up by them ([`Run::rollup`]).
+//! - Runs follow each other on the device in the order of [`Executor::submit`], which waits for nothing: while one is
+//!   at work there, the next can be recorded. [`Executor::run`] is submit and wait. A run owns what it uses until its
+//!   end.
 //!
 //! A mistake is remembered and returned when the graph is planned or run; it names pass, shader and variable.
 //!
@@ -82,6 +85,7 @@ mod dump;
 mod error;
 mod exec;
 mod kernel;
+mod passes;
 mod place;
 mod plan;
 mod planned;
@@ -90,6 +94,7 @@ mod requirements;
 mod resource;
 mod stages;
 mod times;
+mod transfers;
 mod work;
 
 pub use check::check;

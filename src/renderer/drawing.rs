@@ -155,6 +155,7 @@ impl Tickets {
             total_ms: None,
             beside_ms: Vec::new(),
             wall_ms: 0.0,
+            host_ms: 0.0,
             rays: 0,
             path_count,
             min_distance,

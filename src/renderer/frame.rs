@@ -52,6 +52,8 @@ pub struct Frame {
     /// Milliseconds by the host's clock from the first submit to the end of the last one: of a repeat, on a GPU the mean
     /// over repeats drawn one behind the other; without repeats to the end of the last download.
     pub wall_ms: f64,
+    /// Milliseconds that the host itself worked to record, plan and submit the frame, waits left out: median over repeats.
+    pub host_ms: f64,
     /// Rays of one render.
     pub rays: u64,
     /// VPLs that exist, of methods that have some.

@@ -131,6 +131,7 @@ impl Renderer {
             total_ms: median(way.timed.iter().map(|tally| tally.total).collect()),
             beside_ms: beside.iter().filter_map(|way| median(way.milliseconds())).collect(),
             wall_ms: way.wall_ms.last().copied().unwrap_or_default(),
+            host_ms: median(way.timed.iter().map(|tally| Some(tally.host_ms)).collect()).unwrap_or_default(),
             rays: rays.values().sum(),
             peak_device_bytes,
             ..frame.ok_or(Error::Cancelled)?

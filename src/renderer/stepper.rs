@@ -86,6 +86,8 @@ enum Images {
 struct UnderWay {
     flight: InFlight,
     begun: Instant,
+    /// Milliseconds that the host worked for it.
+    host_ms: f64,
     /// Samples before it, and those it takes.
     taken: u32,
     samples: u32,
@@ -326,15 +328,17 @@ impl Stepper {
             return Ok(());
         }
         if let Images::Growing(growing) = &self.images {
+            let begun = Instant::now();
             let mut g = Graph::new();
             self.record_grown(&mut g, renderer.area(), growing, samples, false);
-            self.submit(renderer, g, Vec2::splat(0.5), (samples, None, false), watch)?;
+            self.submit(renderer, g, begun, Vec2::splat(0.5), (samples, None, false), watch)?;
             self.taken += samples;
             return Ok(());
         }
         for _ in 0..samples {
             self.settle(1, watch)?;
             let Images::Averaged(means) = &self.images else { unreachable!("it does not grow") };
+            let begun = Instant::now();
             let (sample, window, config) = (self.taken, &self.drawing.window, &self.drawing.config);
             let mut g = Graph::new();
             let info = window.frame(renderer.area());
@@ -343,7 +347,7 @@ impl Stepper {
             let brings =
                 if last { self.brings(&mut g, recorded, watch.picture, None, &self.taps)? } else { None };
             let offset = pixel_offset(sample, config.pixel_samples);
-            self.submit(renderer, g, offset, (1, brings, last), watch)?;
+            self.submit(renderer, g, begun, offset, (1, brings, last), watch)?;
             self.taken += 1;
         }
         Ok(())
@@ -351,6 +355,7 @@ impl Stepper {
 
     /// Draws what is shown of the samples so far; brings it back if a picture is watched for.
     pub(super) fn show(&mut self, renderer: &mut Renderer, watch: &Watch<'_>) -> Result<(), Error> {
+        let begun = Instant::now();
         let mut g = Graph::new();
         let (recorded, halves, specs) = match &self.images {
             Images::Growing(growing) => {
@@ -365,7 +370,7 @@ impl Stepper {
             }
         };
         let brings = self.brings(&mut g, recorded, watch.picture, halves, specs)?;
-        self.submit(renderer, g, Vec2::splat(0.5), (0, brings, true), watch)
+        self.submit(renderer, g, begun, Vec2::splat(0.5), (0, brings, true), watch)
     }
 
     /// Records a method that grows, with `samples` samples more.
@@ -403,6 +408,7 @@ impl Stepper {
         &mut self,
         renderer: &mut Renderer,
         g: Graph,
+        begun: Instant,
         offset: Vec2,
         (samples, brings, ends_picture): (u32, Option<Brings>, bool),
         watch: &Watch<'_>,
@@ -416,13 +422,13 @@ impl Stepper {
             alias: grown || width * height > UNSHARED_PIXELS,
             ..RunOptions::default()
         };
-        let begun = Instant::now();
         let flight = renderer.executor.submit(g, &options)?;
+        let host_ms = begun.elapsed().as_secs_f64() * 1e3;
         if let Images::Growing(growing) = &mut self.images {
             growing.submitted();
         }
         let taken = self.taken;
-        self.under_way.push_back(UnderWay { flight, begun, taken, samples, ends_picture, brings });
+        self.under_way.push_back(UnderWay { flight, begun, host_ms, taken, samples, ends_picture, brings });
         Ok(())
     }
 
@@ -454,7 +460,7 @@ impl Stepper {
                 self.seconds_a_sample = Some(seconds.max(1e-9));
             }
             self.last_end = Some(Instant::now());
-            self.tallies.back_mut().expect("there is always one").add(&run);
+            self.tallies.back_mut().expect("there is always one").add(&run, front.host_ms);
             if front.ends_picture {
                 self.tallies.push_back(Tally::default());
             }

@@ -10,19 +10,22 @@ pub(super) struct Tally {
     pub(super) times: Vec<PassTime>,
     /// Milliseconds on the device.
     pub(super) total: Option<f64>,
+    /// Milliseconds of the host's own work.
+    pub(super) host_ms: f64,
 }
 
 impl Default for Tally {
     fn default() -> Self {
-        Self { times: Vec::new(), total: Some(0.0) }
+        Self { times: Vec::new(), total: Some(0.0), host_ms: 0.0 }
     }
 }
 
 impl Tally {
     /// Adds one graph's times.
-    pub(super) fn add(&mut self, run: &Run) {
+    pub(super) fn add(&mut self, run: &Run, host_ms: f64) {
         add_times(&mut self.times, &run.passes);
         self.total = self.total.zip(run.device_ms).map(|(sum, ms): (f64, f64)| sum + ms);
+        self.host_ms += host_ms;
     }
 }
 

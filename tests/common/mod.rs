@@ -118,6 +118,7 @@ pub(crate) fn frame() -> Frame {
         total_ms: None,
         beside_ms: Vec::new(),
         wall_ms: 0.0,
+        host_ms: 0.0,
         rays: 0,
         vpl_count: None,
         regathered: None,
