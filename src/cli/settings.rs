@@ -83,7 +83,7 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         true => Ok(()),
         false => {
             let other = REGISTRY.iter().find(|other| has(other, option)).map_or("none", |other| other.name);
-            Err(input!("{option}: method {} has no use for it, {other} has", method.name))
+            Err(input!("{option}: only method {other} uses it; this is method {}", method.name))
         }
     };
     for (option, ..) in args.method_options.assignments() {

@@ -41,7 +41,7 @@ pub struct Frame {
     pub aovs: Vec<(Aov, Layer)>,
     /// The taps asked for.
     pub taps: Vec<(String, Layer)>,
-    /// Passes in order of execution, downloads left out.
+    /// Passes in order of execution, without downloads.
     pub passes: Vec<PassStats>,
     /// Milliseconds on the device of the whole frame: median over repeats. Where passes overlap it is less than
     /// their sum: a GPU renders each repeat twice, the second time without timing passes.

@@ -20,7 +20,7 @@ use std::cell::Cell;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// A GPU raises its clocks under load: below this, times are those of a sleepy one.
+/// How long a GPU draws before it is timed: under load it raises its clocks.
 const WARM_UP: Duration = Duration::from_millis(500);
 
 /// Seconds a graph of a picture that grows should take: what Ctrl-C and `--time` wait for.
@@ -140,7 +140,7 @@ impl Renderer {
         Ok(frame)
     }
 
-    /// Draws each of the ways `times` times, turn and turn about. Frames whose passes are not timed one by one are drawn
+    /// Draws the ways by turns, each `times` times. Frames whose passes are not timed one by one are drawn
     /// one behind the other: while one is on the device, the next is prepared.
     fn draw(
         &mut self,

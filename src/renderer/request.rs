@@ -48,9 +48,9 @@ pub struct FrameRequest<'a> {
     pub time: Option<Duration>,
     /// Progressive methods stop where [`noise`] is no more than this.
     pub noise: Option<f64>,
-    /// Features to model although the scene has none of them: the picture is the same (see [`Renderer::unneeded`]).
+    /// Features that are modelled as if the scene had them: the picture is the same (see [`Prepared::unneeded`](super::Prepared::unneeded)).
     pub modelled: &'a [Feature],
-    /// Further ways to draw this frame that are timed only, turn and turn about with it: each models these features
+    /// Further ways to draw this frame that are only timed, by turns with it: each models these features
     /// instead of `modelled`, and takes all its samples, whatever `time`, `noise` and `resume` leave of them.
     pub beside: &'a [&'a [Feature]],
     /// What a progressive method goes on from.
