@@ -444,7 +444,9 @@ pub(super) struct Compare {
     /// HDR-FLIP; relative error of layers that do not have three channels.
     #[arg(short, long = "output", value_name = "ERROR.png", help_heading = OUTPUT)]
     pub(super) output: Option<PathBuf>,
-    /// Say only whether all channels are the same, bit for bit; exit with 1 where they are not.
+    /// Say whether all channels have the same bits, and no more.
+    ///
+    /// Exits with 1 where they have not.
     #[arg(long, help_heading = OUTPUT, conflicts_with_all = ["layer", "output", "json"])]
     pub(super) exact: bool,
     /// Print JSON.
