@@ -194,8 +194,8 @@ impl Renderer {
         // On a CPU device nothing is gained by preparing beside it, and limits are kept less well.
         let ahead = usize::from(self.device().info().kind != DeviceKind::Cpu);
         let report = |progress: Progress<'_>| {
-            let by_samples =
-                (progress.done * f64::from(target) - f64::from(first)) / f64::from(target - first);
+            let taken = progress.done * f64::from(target) - f64::from(first);
+            let by_samples = taken / f64::from((target - first).max(1));
             let by_time = request.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
             let done = by_time.map_or(by_samples, |by_time| by_time.max(by_samples)).clamp(0.0, 1.0);
             (watch.report)(Progress { done, ..progress });

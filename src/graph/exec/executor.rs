@@ -2,7 +2,7 @@
 
 use super::{
     commands::Kernel,
-    flight::{Flight, Start},
+    flight::{Flight, Start, lock},
     in_flight::InFlight,
     options::RunOptions,
     plans::Plans,
@@ -21,7 +21,7 @@ use crate::graph::{
 use crate::vk::{self, Backend, Pipelines, SceneSet};
 use std::{
     fmt,
-    sync::{Arc, Mutex, PoisonError, Weak, atomic::Ordering},
+    sync::{Arc, Mutex, Weak, atomic::Ordering},
 };
 
 /// Runs graphs on a device. Keeps pipelines, plans, transient memory and how long each pass took, so that a graph
@@ -83,7 +83,7 @@ impl Executor {
         let slot = self.slots.take(&self.device, &graph, &planned.plan)?;
         self.unsubmitted.retain(|flight| {
             let flight = flight.upgrade();
-            flight.is_some_and(|f| !f.lock().unwrap_or_else(PoisonError::into_inner).is_submitted())
+            flight.is_some_and(|flight| !lock(&flight).is_submitted())
         });
         let flight = Arc::new(Mutex::new(Flight::new(Start {
             device: self.device.clone(),

@@ -19,16 +19,16 @@ use crate::graph::{
 use crate::vk::{self, CommandBuffer, SceneSet, Submission};
 use ash::vk as raw;
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 
 /// A run that others may have to wait for.
 pub(super) type Shared = Arc<Mutex<Flight>>;
 
-/// Advances `flight` as far as it goes, without waiting for the device unless `wait`; whether all is on the device.
-pub(super) fn advance(flight: &Shared, wait: bool) -> Result<bool, Error> {
-    flight.lock().unwrap_or_else(PoisonError::into_inner).advance(wait)
+/// Locks a run; what panicked while it was locked has left it whole enough to be given up.
+pub(super) fn lock(flight: &Mutex<Flight>) -> MutexGuard<'_, Flight> {
+    flight.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// What a run begins with.
@@ -161,16 +161,22 @@ impl Flight {
     }
 
     /// Goes on until the device is at work on something that this run has to wait for; whether all has ended. With
-    /// `wait` it waits for one submit at most.
+    /// `wait` it waits for one submit of its own at most. A run that fails is given up.
     pub(super) fn advance(&mut self, wait: bool) -> Result<bool, Error> {
+        let advanced = self.try_advance(wait);
+        if advanced.is_err() {
+            self.abandon();
+        }
+        advanced
+    }
+
+    fn try_advance(&mut self, wait: bool) -> Result<bool, Error> {
         if let Some(before) = &self.before {
-            let mut before = before.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut before = lock(before);
             while !before.is_submitted() {
                 // What it fails by is for its owner to hear.
-                let advanced = before.advance(wait);
-                if advanced.is_err() {
-                    before.abandon();
-                } else if !wait && !before.is_submitted() {
+                let _ = before.advance(wait);
+                if !wait && !before.is_submitted() {
                     return Ok(false);
                 }
             }
@@ -347,8 +353,11 @@ impl Flight {
         Ok(())
     }
 
-    /// What came of it, once it is over.
+    /// What came of it, once it is over; [`Error::Cancelled`] where it was given up.
     pub(super) fn finish(&mut self) -> Result<Run, Error> {
+        if self.abandoned {
+            return Err(Error::Cancelled);
+        }
         if self.whole.is_none() {
             self.rates.learn(&self.planned.keys, &self.measured);
         }

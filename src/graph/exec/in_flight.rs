@@ -1,15 +1,12 @@
 //! A run that somebody waits for, or does not.
 
 use super::{
-    flight::{Flight, Shared, advance},
+    flight::{Shared, lock},
     options::Progress,
     run::Run,
 };
 use crate::graph::error::Error;
-use std::{
-    fmt,
-    sync::{MutexGuard, PoisonError},
-};
+use std::fmt;
 
 /// A graph on its way. It owns what it uses: imports, scene, staging and transients live until its end, whatever becomes
 /// of the executor and of this handle.
@@ -30,24 +27,20 @@ impl InFlight {
         Self(flight)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Flight> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Goes on without waiting for the device: where a submit has ended and parts of the graph are left, the next is
     /// handed over. Returns whether all has ended.
     ///
     /// # Errors
     /// Whatever the device says.
     pub fn poll(&mut self) -> Result<bool, Error> {
-        advance(&self.0, false)
+        lock(&self.0).advance(false)
     }
 
     /// Whether all of it has been handed to the device, so that nothing is left for [`poll`](Self::poll) to do but to
     /// see its end.
     #[must_use]
     pub fn is_submitted(&self) -> bool {
-        self.lock().is_submitted()
+        lock(&self.0).is_submitted()
     }
 
     /// As [`poll`](Self::poll), after waiting for what is on the device now.
@@ -55,26 +48,26 @@ impl InFlight {
     /// # Errors
     /// Whatever the device says.
     pub fn step(&mut self) -> Result<bool, Error> {
-        advance(&self.0, true)
+        lock(&self.0).advance(true)
     }
 
     /// Tells `told` how far it is.
     pub fn progress<R>(&self, told: impl FnOnce(Progress<'_>) -> R) -> R {
-        told(self.lock().progress())
+        told(lock(&self.0).progress())
     }
 
     /// Waits for its end.
     ///
     /// # Errors
-    /// Whatever the device says.
+    /// Whatever the device says; [`Error::Cancelled`] after an error before.
     pub fn wait(mut self) -> Result<Run, Error> {
         while !self.step()? {}
-        self.lock().finish()
+        lock(&self.0).finish()
     }
 }
 
 impl Drop for InFlight {
     fn drop(&mut self) {
-        self.lock().abandon();
+        lock(&self.0).abandon();
     }
 }
