@@ -3,72 +3,24 @@
 //! A file (TOML) and single assignments reach every field; a key that names none is an error with the
 //! nearest one. An optional key takes the word `auto` for its absence.
 
-use super::{Method, Own, REGISTRY};
+use super::{Own, REGISTRY, registry};
 use crate::ErrorClass;
 use crate::techniques::setting::{BadValue, Settings, within};
 use crate::techniques::{
     glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
     vpl_shoot::VplShootConfig, whitted::WhittedConfig,
 };
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::Deserialize;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
+pub use super::method::RenderConfig;
 pub use crate::techniques::path_trace::MAX_SPP;
 
 /// Width and height a picture may have, in pixels.
 pub const SIZE_RANGE: RangeInclusive<u32> = 1..=16384;
-
-/// Everything that decides a picture besides scene, camera and backend.
-///
-/// ```
-/// let mut config = parhelion::config::RenderConfig::default();
-/// config.apply_override("vpl_shoot.vpls=90")?;
-/// assert_eq!(config.vpl_shoot.vpls, 90);
-/// let error = config.apply_override("vpl_shoot.vpl=90").unwrap_err();
-/// assert_eq!(error.to_string(), "unknown key `vpl_shoot.vpl`; the nearest is `vpl_shoot.vpls`");
-/// # Ok::<(), parhelion::config::ConfigError>(())
-/// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct RenderConfig {
-    /// How light is computed.
-    #[serde(serialize_with = "write_method", deserialize_with = "read_method")]
-    pub method: &'static Method,
-    /// Width and height (pixels), each 1 … 16384. Time and memory grow with their product.
-    pub size: [u32; 2],
-    /// Seed of all samples. Another seed gives other noise of the same strength, and no bias. The same seed on the same
-    /// device and backend gives the same bits.
-    pub seed: u32,
-    /// Stratified positions a pixel, 1 … 65536, averaged. One is the pixel's centre: edges are jagged and the
-    /// picture differs from an area average. Time grows in proportion.
-    pub pixel_samples: u32,
-    /// Part of the picture to render: x0, y0, x1, y1 (pixels from the top left, the ends exclusive). Absent:
-    /// all of it. Its radiance is that of the whole picture, bit for bit; automatic exposure, glare and denoising are
-    /// the crop's own.
-    pub crop: Option<[u32; 4]>,
-    /// Whether the dielectric and the diffuse part are mixed so that they never reflect more light than they receive.
-    /// Otherwise they are mixed as glTF 2.0 publishes it, which reflects too much at grazing angles (1.59 times what
-    /// arrives at 85° and roughness 0.05). Method `igi` heeds it with `indirect.glossy` only: otherwise the parts never meet.
-    pub energy_conserving: bool,
-    /// Virtual point lights.
-    pub vpl_shoot: VplShootConfig,
-    /// Direct light and specular paths.
-    pub whitted: WhittedConfig,
-    /// Indirect light.
-    pub indirect: IndirectConfig,
-    /// Paths from the camera.
-    pub path_trace: PathTraceConfig,
-    /// Light around bright things, in pictures for screens.
-    pub glare: GlareConfig,
-    /// From radiance to a picture for a screen.
-    pub tone_map: ToneMapConfig,
-    /// Groups that methods have for themselves.
-    #[serde(flatten)]
-    pub own: Own,
-}
 
 impl Default for RenderConfig {
     fn default() -> Self {
@@ -88,19 +40,6 @@ impl Default for RenderConfig {
             own: Own::default(),
         }
     }
-}
-
-fn write_method<S: Serializer>(method: &&'static Method, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(method.name)
-}
-
-fn read_method<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static Method, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    super::named(&name).ok_or_else(|| {
-        let names: Vec<_> = REGISTRY.iter().map(|method| format!("`{}`", method.name)).collect();
-        let problem = format!("unknown variant `{name}`, expected {}", names.join(" or "));
-        serde::de::Error::custom(problem)
-    })
 }
 
 /// Settings under one name.
@@ -301,21 +240,9 @@ impl RenderConfig {
         let Self { vpl_shoot, whitted, indirect, path_trace, glare, tone_map, .. } = self;
         let groups: [&dyn Settings; 6] = [vpl_shoot, whitted, indirect, path_trace, glare, tone_map];
         groups.into_iter().try_for_each(Settings::check)?;
-        self.own.check()?;
+        self.own.check(registry::groups())?;
         (self.method.check)(self)?;
         Ok(())
-    }
-
-    /// Edges of the longest path a path tracer follows.
-    #[must_use]
-    pub fn max_depth(&self) -> u32 {
-        self.path_trace.max_depth.unwrap_or(self.vpl_shoot.bounces.saturating_add(2))
-    }
-
-    /// The part of the picture that is rendered: x0, y0, x1, y1 (pixels, ends exclusive).
-    #[must_use]
-    pub fn window(&self) -> [u32; 4] {
-        self.crop.unwrap_or([0, 0, self.size[0], self.size[1]])
     }
 }
 

@@ -1,7 +1,7 @@
 //! Instant global illumination, with the paper's accelerations as switches. What it is, and its known bias and noise:
 //! [`METHOD`]'s description.
 
-use super::config::RenderConfig;
+use super::method::RenderConfig;
 use super::option::{BOUNCES, CliOption, OptionGroup, OptionValue};
 use super::trial::{Trial, fails, holds};
 use super::{Aov, FrameInfo, Layers, Method, Reach, Sweeps, VplCounts};

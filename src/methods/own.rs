@@ -1,9 +1,8 @@
 //! Settings that methods have for themselves.
 
-use super::REGISTRY;
 use crate::techniques::setting::{BadValue, Settings};
-use serde::de::{DeserializeOwned, Error};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::de::DeserializeOwned;
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -34,39 +33,30 @@ impl Group {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Own(BTreeMap<&'static str, Value>);
 
-/// Every method's group.
-fn groups() -> impl Iterator<Item = (&'static str, Group)> {
-    REGISTRY.iter().filter_map(|method| Some((method.name, method.own?)))
-}
-
 impl Own {
+    /// The defaults of these groups.
+    pub(super) fn of(groups: impl Iterator<Item = (&'static str, Group)>) -> Self {
+        Self(groups.map(|(name, group)| (name, (group.defaults)())).collect())
+    }
+
     /// The settings of the method called `method`; the defaults where it has none.
     #[must_use]
     pub fn get<T: Default + DeserializeOwned>(&self, method: &str) -> T {
         self.0.get(method).and_then(|value| T::deserialize(value).ok()).unwrap_or_default()
     }
 
-    pub(super) fn check(&self) -> Result<(), BadValue> {
-        groups().try_for_each(|(name, group)| self.0.get(name).map_or(Ok(()), |value| (group.check)(value)))
+    /// Sets a method's group: what `value` names, and the rest to its defaults.
+    pub(super) fn set(&mut self, method: &'static str, group: Group, value: Value) -> Result<(), String> {
+        self.0.insert(method, (group.read)(value)?);
+        Ok(())
     }
-}
 
-impl Default for Own {
-    fn default() -> Self {
-        Self(groups().map(|(name, group)| (name, (group.defaults)())).collect())
-    }
-}
-
-impl<'de> Deserialize<'de> for Own {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let mut own = Self::default();
-        for (name, value) in BTreeMap::<String, Value>::deserialize(deserializer)? {
-            let Some((name, group)) = groups().find(|(there, _)| *there == name) else {
-                return Err(D::Error::unknown_field(&name, &[]));
-            };
-            own.0.insert(name, (group.read)(value).map_err(D::Error::custom)?);
-        }
-        Ok(own)
+    /// Checks these groups' ranges.
+    pub(super) fn check(
+        &self,
+        mut groups: impl Iterator<Item = (&'static str, Group)>,
+    ) -> Result<(), BadValue> {
+        groups.try_for_each(|(name, group)| self.0.get(name).map_or(Ok(()), |value| (group.check)(value)))
     }
 }
 

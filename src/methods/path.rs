@@ -3,7 +3,7 @@
 //! The layers `albedo`, `N`, `P` and `depth` are those of the pixel's centre. Radiance is not split by kind; instead
 //! `path_trace.transport` draws one kind alone.
 
-use super::config::RenderConfig;
+use super::method::RenderConfig;
 use super::option::{BOUNCES, CliOption, OptionGroup, OptionValue};
 use super::trial::{Trial, fails, holds};
 use super::{Aov, Conditional, FrameInfo, Layers, Method, Progressive, Reach, Sweeps};

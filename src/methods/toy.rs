@@ -1,6 +1,6 @@
 //! A method that is a file and a line in the list: every part of the program finds it there.
 
-use super::config::RenderConfig;
+use super::method::RenderConfig;
 use super::option::{CliOption, OptionGroup, OptionValue};
 use super::trial::fails;
 use super::{Aov, FrameInfo, Group, Layers, Method, Reach, Sweeps};
