@@ -2,7 +2,6 @@
 
 mod common;
 
-use parhelion::ErrorClass;
 use parhelion::config::RenderConfig;
 use parhelion::graph::{Executor, Graph, ImageDesc, RunOptions, Typical};
 use parhelion::methods::{igi, path};
@@ -252,7 +251,10 @@ mod denoise {
         for path in [Path::new("/nonexistent/oidn.so"), folder.path(), &wrong] {
             let error = Denoiser::load(Some(path)).unwrap_err();
             let message = error.to_string();
-            assert!(matches!(error, Error::Absent { .. }) && error.class() == ErrorClass::Other, "{message}");
+            assert!(
+                matches!(error, Error::Absent { .. }) && error.class() == parhelion::ErrorClass::Other,
+                "{message}"
+            );
             assert!(
                 message.contains(path.to_str().unwrap()) && message.contains("PARHELION_OIDN"),
                 "{message}"

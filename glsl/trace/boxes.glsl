@@ -55,25 +55,23 @@ bool triangles_box_blocks(Segment ray, uint index)
     return box_blocks(ray, min(a, min(b, c)), max(a, max(b, c)), passage);
 }
 
+// Any box that blocks is as good as the nearest.
+bool meets(Segment ray, uint index, uint best, float t_min, float t_max, out float t)
+{
+    t = t_max;
+    return VISIBILITY == VISIBILITY_BOXES_INLINE ? triangles_box_blocks(ray, index) : stored_box_blocks(ray, index);
+}
+
+#define RAY Segment
+#include "trace/traverse.glsl"
+#undef RAY
+
 bool trace_any_box(vec3 origin, vec3 direction, float t_min, float t_max)
 {
     if (VISIBILITY == VISIBILITY_EXACT) return trace_any(origin, direction, t_min, t_max);
-    const bool inlined = VISIBILITY == VISIBILITY_BOXES_INLINE;
-    BvhNodes nodes = BvhNodes(inlined ? scene.bvh_nodes : scene.box_nodes);
+    BvhNodes nodes = BvhNodes(VISIBILITY == VISIBILITY_BOXES_INLINE ? scene.bvh_nodes : scene.box_nodes);
     Segment ray = segment(origin, direction, t_min, t_max);
-    NodeRay node_ray = node_ray(origin, direction);
-    uint top = 0u;
-    uvec2 group = ROOT;
-    do {
-        uvec2 found = visit(nodes, node_ray, t_min, t_max, group, top);
-        while (found.y != 0u) {
-            uint at = uint(findMSB(found.y));
-            found.y &= ~(1u << at);
-            at += found.x;
-            if (inlined ? triangles_box_blocks(ray, at) : stored_box_blocks(ray, at)) return true;
-        }
-    } while (proceed(group, top));
-    return false;
+    return traverse(nodes, node_ray(origin, direction), ray, t_min, t_max, true) != NONE;
 }
 
 #endif

@@ -106,6 +106,8 @@ NodeRay node_ray(vec3 origin, vec3 direction)
     return NodeRay(inverse, enter, leave, negative, octant);
 }
 
+const uint NONE = 0xffffffffu; // no primitive
+
 // Siblings to visit. x: the first one's index; y: which slots are to be visited (8 bits) and which hold nodes (8 bits).
 const uvec2 ROOT = uvec2(0, 0x80000000u);
 
@@ -165,60 +167,55 @@ bool proceed(inout uvec2 group, inout uint top)
     return true;
 }
 
-bool traverse(vec3 origin, vec3 direction, float t_min, float t_max, const bool any_hit, out Hit hit)
-{
-    BvhNodes nodes = BvhNodes(scene.bvh_nodes);
-    BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
-    RayFrame frame = ray_frame(direction);
-    NodeRay ray = node_ray(origin, direction);
+struct TriangleRay {
+    BvhTriangles triangles;
+    RayFrame frame;
+    vec3 origin;
+};
 
-    const uint none = 0xffffffffu;
-    uint best = none;
-    uint top = 0u;
-    uvec2 group = ROOT;
-    do {
-        uvec2 found = visit(nodes, ray, t_min, t_max, group, top);
-        while (found.y != 0u) {
-            uint at = uint(findMSB(found.y));
-            found.y &= ~(1u << at);
-            at = (found.x + at) * 3u;
-            vec4 a = triangles.word[at];
-            vec4 b = triangles.word[at + 1u];
-            vec4 c = triangles.word[at + 2u];
-            vec3 t_barycentrics;
-            if (!intersect(frame, a.xyz - origin, b.xyz - origin, c.xyz - origin, t_barycentrics)) continue;
-            float t = t_barycentrics.x;
-            if (!(t > t_min && t <= t_max)) continue;
-            uvec2 id = floatBitsToUint(vec2(a.w, b.w));
-            if (t == t_max && (best == none || precedes(triangle_id(triangles, best), id))) continue;
-            if (ALPHA_MASK && floatBitsToUint(c.w) != 0u && alpha_hole(id.x, id.y, t_barycentrics.yz)) continue;
-            best = at;
-            // A return from here is lost on some lanes by Mesa 22.3's lavapipe; in the loop's condition the test is 1 % slower.
-            if (any_hit) break;
-            t_max = t;
-        }
-        if (any_hit && best != none) break;
-    } while (proceed(group, top));
-    if (any_hit || best == none) return best != none;
+bool meets(TriangleRay ray, uint index, uint best, float t_min, float t_max, out float t)
+{
+    vec4 a = ray.triangles.word[3u * index];
+    vec4 b = ray.triangles.word[3u * index + 1u];
+    vec4 c = ray.triangles.word[3u * index + 2u];
+    vec3 t_barycentrics;
+    bool met = intersect(ray.frame, a.xyz - ray.origin, b.xyz - ray.origin, c.xyz - ray.origin, t_barycentrics);
+    t = t_barycentrics.x;
+    met = met && t > t_min && t <= t_max;
+    if (met && t == t_max) {
+        uvec2 id = floatBitsToUint(vec2(a.w, b.w));
+        met = best != NONE && !precedes(triangle_id(ray.triangles, 3u * best), id);
+    }
+    if (ALPHA_MASK && met && floatBitsToUint(c.w) != 0u) {
+        met = !alpha_hole(floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
+    }
+    return met;
+}
+
+#define RAY TriangleRay
+#include "trace/traverse.glsl"
+#undef RAY
+
+bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
+{
+    TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
+    uint best = traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, false);
+    if (best == NONE) return false;
 
     // Barycentrics are worked out again rather than kept in registers all along.
-    vec4 a = triangles.word[best];
-    vec4 b = triangles.word[best + 1u];
+    vec4 a = ray.triangles.word[3u * best];
+    vec4 b = ray.triangles.word[3u * best + 1u];
+    vec4 c = ray.triangles.word[3u * best + 2u];
     vec3 t_barycentrics;
-    intersect(frame, a.xyz - origin, b.xyz - origin, triangles.word[best + 2u].xyz - origin, t_barycentrics);
+    intersect(ray.frame, a.xyz - origin, b.xyz - origin, c.xyz - origin, t_barycentrics);
     hit = Hit(t_max, floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
     return true;
 }
 
-bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
-{
-    return traverse(origin, direction, t_min, t_max, false, hit);
-}
-
 bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
 {
-    Hit hit;
-    return traverse(origin, direction, t_min, t_max, true, hit);
+    TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
+    return traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, true) != NONE;
 }
 
 #endif
