@@ -541,6 +541,32 @@ fn a_run_waits_for_what_is_left_of_the_one_before() {
     }
 }
 
+/// Whoever stands behind a run that is given up still stands behind those before it.
+#[test]
+fn a_run_given_up_lets_none_overtake() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut executor = executor(&device);
+    let banded = RunOptions { submit_ms: 0.0, ..RunOptions::default() };
+    let graph = |n| {
+        let mut g = Graph::new();
+        let image = chain(&mut g, n);
+        (g.read_image::<[f32; 4]>(image), g)
+    };
+    let expected = (0..6).fold(cpu_noise(5), |image, _| cpu_blur(&image));
+    for held in [false, true] {
+        let (first_ticket, g) = graph(6);
+        let first = executor.submit(g, &banded).unwrap();
+        let middle = executor.submit(graph(6).1, &banded).unwrap();
+        let behind = held.then(|| executor.submit(graph(6).1, &banded).unwrap());
+        drop(middle);
+        let (last_ticket, g) = graph(6);
+        let last = executor.submit(g, &RunOptions::default()).unwrap();
+        assert!(last.wait().unwrap().take(last_ticket) == expected);
+        assert!(first.is_submitted() && behind.is_none_or(|behind| behind.is_submitted()));
+        assert!(first.wait().unwrap().take(first_ticket) == expected);
+    }
+}
+
 #[test]
 fn a_forgotten_run_owns_what_it_uses() {
     let Some((_guard, _)) = common::device() else { return };

@@ -45,9 +45,13 @@ const PATH: &[&str] = &["method=path", "path_trace.spp=7"];
 fn steps_of_any_size_come_to_the_same_picture() {
     let Some((_guard, device)) = common::device() else { return };
     let (mut renderer, camera) = renderer(&device);
-    for assignments in
-        [PATH, &["pixel_samples=5"], &["pixel_samples=1"], &["crop=[3,2,17,12]", "indirect.downsample=2"]]
-    {
+    for assignments in [
+        PATH,
+        &["method=path", "path_trace.spp=40", "path_trace.adaptive=true"],
+        &["pixel_samples=5"],
+        &["pixel_samples=1"],
+        &["crop=[3,2,17,12]", "indirect.downsample=2"],
+    ] {
         let config = config(assignments);
         let aovs = [Aov::Albedo, Aov::Depth];
         let expected = render(&mut renderer, &config, &camera, &aovs);

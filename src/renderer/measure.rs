@@ -12,9 +12,8 @@ use crate::config::RenderConfig;
 use crate::denoise;
 use crate::graph::{Graph, ImageDesc, RunOptions};
 use crate::layer::Layer;
-use crate::methods::{Aov, Progressive};
+use crate::methods::Aov;
 use crate::scene::Camera;
-use crate::techniques::path_trace::adaptive::{MAX_RATE, Round};
 use crate::vk::{DeviceKind, Format};
 use std::cell::Cell;
 use std::sync::atomic::Ordering;
@@ -25,9 +24,6 @@ const WARM_UP: Duration = Duration::from_millis(500);
 
 /// Seconds a graph of a picture that grows should take: what Ctrl-C and `--time` wait for.
 const PASS_SECONDS: f64 = 0.25;
-
-/// Rounds of a thread's loop in one pass at most: some drivers end shaders' loops after 65 535 in all.
-const PASS_ROUNDS: u32 = 128;
 
 /// Samples before which noise is not estimated.
 const LEAST_SAMPLES: u32 = 16;
@@ -156,7 +152,7 @@ impl Renderer {
                 let start = Instant::now();
                 stepper.restart();
                 match &stepper.drawing.config.method.progressive {
-                    Some(method) => self.grow(method, stepper, request, watch)?,
+                    Some(_) => self.grow(stepper, request, watch)?,
                     None => stepper.take(self, stepper.target(), watch)?,
                 }
                 if apart {
@@ -178,7 +174,6 @@ impl Renderer {
     /// Takes samples until one of the limits is reached, and draws what is shown of them.
     fn grow(
         &mut self,
-        method: &Progressive,
         stepper: &mut Stepper,
         request: &FrameRequest<'_>,
         watch: &Watch<'_>,
@@ -186,16 +181,12 @@ impl Renderer {
         let start = Instant::now();
         let cancelled = || request.cancel.is_some_and(|cancel| cancel.load(Ordering::SeqCst));
         let config = stepper.drawing.config.clone();
-        let adaptive = (method.adaptive)(&config);
         let (first, target) = (stepper.samples(), stepper.target());
         let (mut next_check, mut shown) = (LEAST_SAMPLES.max(first), start);
-        let rate = if adaptive { MAX_RATE } else { 1 };
-        let most = (PASS_ROUNDS / (method.rounds)(&config).saturating_mul(rate)).max(1);
-        // On a CPU device nothing is gained by preparing beside it, and limits are kept less well.
-        let ahead = usize::from(self.device().info().kind != DeviceKind::Cpu);
+        let ahead = stepper.ahead(self);
         let report = |progress: Progress<'_>| {
             let taken = progress.done * f64::from(target) - f64::from(first);
-            let by_samples = taken / f64::from((target - first).max(1));
+            let by_samples = taken / f64::from(target.saturating_sub(first).max(1));
             let by_time = request.time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
             let done = by_time.map_or(by_samples, |by_time| by_time.max(by_samples)).clamp(0.0, 1.0);
             (watch.report)(Progress { done, ..progress });
@@ -217,19 +208,10 @@ impl Renderer {
                     break;
                 }
             }
-            if adaptive && taken > 0 && Round::of(taken).start == taken {
-                let images = stepper.means(self)?;
-                if let Some(growing) = stepper.growing() {
-                    growing.next_round(&images, taken);
-                }
-            }
             let fitting = seconds_a_sample.map_or(1, |seconds| (PASS_SECONDS / seconds) as u32);
-            let mut samples = fitting.clamp(1, most).min(target - taken);
+            let mut samples = fitting.clamp(1, target - taken);
             if request.noise.is_some() && next_check > taken {
                 samples = samples.min(next_check - taken);
-            }
-            if adaptive {
-                samples = samples.min(Round::of(taken).end - taken);
             }
             stepper.take(self, samples, &watch)?;
             stepper.settle(ahead, &watch)?;

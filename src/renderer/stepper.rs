@@ -13,7 +13,8 @@ use crate::graph::{Graph, Image, InFlight, Res, RunOptions, Tap, Ticket};
 use crate::methods::{Aov, FrameInfo};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Feature};
-use crate::vk::{self, Format};
+use crate::techniques::path_trace::adaptive::{MAX_RATE, Round};
+use crate::vk::{self, DeviceKind, Format};
 use glam::Vec2;
 use std::collections::VecDeque;
 use std::fmt;
@@ -24,6 +25,9 @@ use std::time::Instant;
 /// Up to so many pixels every transient keeps memory of its own, about 250 bytes a pixel: sharing memory makes passes wait
 /// for each other (5 % of a fast frame on an H100).
 const UNSHARED_PIXELS: u64 = 1 << 20;
+
+/// Rounds of a thread's loop in one graph at most: some drivers end shaders' loops after 65 535 in all.
+const GRAPH_ROUNDS: u32 = 128;
 
 /// Draws a picture step by step.
 ///
@@ -237,7 +241,8 @@ impl Stepper {
             self.frame = None;
         }
         self.take(renderer, samples, &UNWATCHED)?;
-        self.settle(1, &UNWATCHED)?;
+        self.settle(self.ahead(renderer), &UNWATCHED)?;
+        self.take_tallies();
         Ok(self.taken - before)
     }
 
@@ -254,6 +259,7 @@ impl Stepper {
         if self.frame.is_none() {
             self.frame = self.peek(renderer, &UNWATCHED)?;
         }
+        self.take_tallies();
         Ok(self.frame.clone().expect("a picture was asked for"))
     }
 
@@ -274,9 +280,10 @@ impl Stepper {
     fn renew(&mut self, renderer: &mut Renderer) -> Result<(), Error> {
         let config = &self.drawing.config;
         renderer.serve(&config.indirect)?;
+        // Structures may be deeper since.
+        let kernels = renderer.kernels(config.whitted.mirror_roughness);
+        self.drawing.kernels = modelling(kernels, config, &self.modelled);
         if self.revision != renderer.revision() {
-            let kernels = renderer.kernels(config.whitted.mirror_roughness);
-            self.drawing.kernels = modelling(kernels, config, &self.modelled);
             self.revision = renderer.revision();
             self.forget();
         }
@@ -308,49 +315,73 @@ impl Stepper {
         self.seconds_a_sample
     }
 
-    /// What grows, if something does.
-    pub(super) fn growing(&mut self) -> Option<&mut Growing> {
-        match &mut self.images {
-            Images::Averaged(_) => None,
-            Images::Growing(growing) => Some(growing),
-        }
+    /// Runs that are worth having under way while the next is prepared: none on a CPU device, which would do both, and none
+    /// where memory matters more, since the last graphs of a picture have transients of their own.
+    pub(super) fn ahead(&self, renderer: &Renderer) -> usize {
+        let [width, height] = self.drawing.window.traced_extent.map(u64::from);
+        let cpu = renderer.device().info().kind == DeviceKind::Cpu;
+        usize::from(!cpu && width * height <= UNSHARED_PIXELS)
     }
 
-    /// Hands samples over: of what grows all in one graph, else a graph each.
+    /// Hands samples over: of what grows as many in one graph as a driver bears, else a graph each.
     pub(super) fn take(
         &mut self,
         renderer: &mut Renderer,
         samples: u32,
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
-        let samples = samples.min(self.target - self.taken);
-        if samples == 0 {
-            return Ok(());
-        }
-        if let Images::Growing(growing) = &self.images {
-            let begun = Instant::now();
-            let mut g = Graph::new();
-            self.record_grown(&mut g, renderer.area(), growing, samples, false);
-            self.submit(renderer, g, begun, Vec2::splat(0.5), (samples, None, false), watch)?;
-            self.taken += samples;
-            return Ok(());
-        }
-        for _ in 0..samples {
-            self.settle(1, watch)?;
-            let Images::Averaged(means) = &self.images else { unreachable!("it does not grow") };
-            let begun = Instant::now();
-            let (sample, window, config) = (self.taken, &self.drawing.window, &self.drawing.config);
-            let mut g = Graph::new();
-            let info = window.frame(renderer.area());
-            let recorded = self.drawing.record(&mut g, &info, &self.drawing.layers, means, sample);
-            let last = sample + 1 == self.target;
-            let brings =
-                if last { self.brings(&mut g, recorded, watch.picture, None, &self.taps)? } else { None };
-            let offset = pixel_offset(sample, config.pixel_samples);
-            self.submit(renderer, g, begun, offset, (1, brings, last), watch)?;
-            self.taken += 1;
+        let ahead = self.ahead(renderer);
+        let mut left = samples.min(self.target.saturating_sub(self.taken));
+        while left > 0 {
+            self.settle(ahead, watch)?;
+            left -= match &self.images {
+                Images::Averaged(_) => self.take_averaged(renderer, watch)?,
+                Images::Growing(_) => self.take_grown(renderer, left, watch)?,
+            };
         }
         Ok(())
+    }
+
+    fn take_averaged(&mut self, renderer: &mut Renderer, watch: &Watch<'_>) -> Result<u32, Error> {
+        let Images::Averaged(means) = &self.images else { return Ok(0) };
+        let begun = Instant::now();
+        let (sample, window, config) = (self.taken, &self.drawing.window, &self.drawing.config);
+        let mut g = Graph::new();
+        let info = window.frame(renderer.area());
+        let recorded = self.drawing.record(&mut g, &info, &self.drawing.layers, means, sample);
+        let last = sample + 1 == self.target;
+        let brings =
+            if last { self.brings(&mut g, recorded, watch.picture, None, &self.taps)? } else { None };
+        let offset = pixel_offset(sample, config.pixel_samples);
+        self.submit(renderer, g, begun, offset, (1, brings, last), watch)?;
+        self.taken += 1;
+        Ok(1)
+    }
+
+    fn take_grown(&mut self, renderer: &mut Renderer, most: u32, watch: &Watch<'_>) -> Result<u32, Error> {
+        let config = &self.drawing.config;
+        let Some(method) = &config.method.progressive else { return Ok(0) };
+        let adaptive = (method.adaptive)(config);
+        let rate = if adaptive { MAX_RATE } else { 1 };
+        let bearable = (GRAPH_ROUNDS / (method.rounds)(config).saturating_mul(rate)).max(1);
+        let mut samples = most.min(bearable);
+        if adaptive {
+            let round = Round::of(self.taken);
+            if self.taken > 0 && round.start == self.taken {
+                let images = self.means(renderer)?;
+                if let Images::Growing(growing) = &mut self.images {
+                    growing.next_round(&images, self.taken);
+                }
+            }
+            samples = samples.min(round.end - self.taken);
+        }
+        let Images::Growing(growing) = &self.images else { return Ok(0) };
+        let begun = Instant::now();
+        let mut g = Graph::new();
+        self.record_grown(&mut g, renderer.area(), growing, samples, false);
+        self.submit(renderer, g, begun, Vec2::splat(0.5), (samples, None, false), watch)?;
+        self.taken += samples;
+        Ok(samples)
     }
 
     /// Draws what is shown of the samples so far; brings it back if a picture is watched for.

@@ -52,7 +52,7 @@ impl Image {
         self.general.load(Ordering::Relaxed)
     }
 
-    /// To be called once the work that changes the layout has ended.
+    /// To be called once the work that changes the layout is submitted: what follows on the queue finds it changed.
     pub(crate) fn set_general(&self) {
         self.general.store(true, Ordering::Relaxed);
     }

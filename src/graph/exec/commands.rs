@@ -85,7 +85,7 @@ impl Recorder<'_> {
             .collect();
         let memory = if barrier.before.is_empty() { &[] } else { memory.as_slice() };
         let info = raw::DependencyInfo::default().memory_barriers(memory).image_memory_barriers(&images);
-        // SAFETY: `cmd` is being recorded, and the images live as long as the executor.
+        // SAFETY: `cmd` is being recorded, and the images live as long as the run.
         unsafe { self.device.raw().cmd_pipeline_barrier2(cmd, &info) };
     }
 

@@ -3,7 +3,6 @@
 use super::{
     bands::Bands,
     commands::{Kernel, Recorder},
-    options::Progress,
     plans::Planned,
     rates::{Measured, PROBE, Rates, groups_of, weights},
     run::Run,
@@ -12,6 +11,7 @@ use super::{
 };
 use crate::graph::{
     error::Error,
+    planned::Plan,
     record::Graph,
     times::PassTime,
     work::{Dispatch, Object, RawContext, Work},
@@ -78,6 +78,8 @@ pub(super) struct Flight {
     rest: Option<Bands>,
     /// Whether nothing more will be recorded because the run was given up.
     abandoned: bool,
+    /// What it failed by while another run saw to it.
+    failed: Option<Error>,
     measured: Vec<Measured>,
     weights: Vec<f64>,
     intervals: Vec<Interval>,
@@ -123,6 +125,7 @@ impl Flight {
             pass: 0,
             rest: None,
             abandoned: false,
+            failed: None,
             intervals: Vec::new(),
             expected: 0.0,
             submits: 0,
@@ -133,9 +136,11 @@ impl Flight {
         }
     }
 
-    /// Whether all of it is on the device, or has ended there.
+    /// Whether all of it, and of what it stands behind, is on the device or has ended there.
     pub(super) fn is_submitted(&self) -> bool {
-        self.abandoned || (self.pass == self.planned.plan.passes.len() && self.commands.is_none())
+        let recorded = self.pass == self.planned.plan.passes.len() && self.commands.is_none();
+        let first = || self.before.as_ref().is_none_or(|before| lock(before).is_submitted());
+        (self.abandoned || recorded) && first()
     }
 
     /// Whether it has ended.
@@ -143,26 +148,29 @@ impl Flight {
         self.is_submitted() && self.submission.is_none()
     }
 
-    /// Submits nothing more, and waits for what is submitted.
+    /// Submits nothing more, and waits for what is submitted. Whoever stands behind it stands behind those before it.
     pub(super) fn abandon(&mut self) {
         self.abandoned = true;
-        (self.commands, self.before, self.submission) = (None, None, None);
+        (self.commands, self.submission) = (None, None);
         if let Some(slot) = self.slot.take() {
             self.slots.give(slot);
         }
     }
 
-    /// How far it is.
-    pub(super) fn progress(&self) -> Progress<'_> {
-        let passes = &self.planned.plan.passes;
-        let share = |p: usize| (self.measured[p].groups / groups_of(&passes[p])).min(1.0);
+    /// The pass that ran last, and the share of all work that is done.
+    pub(super) fn progress(&self) -> (Arc<Plan>, usize, f64) {
+        let plan = &self.planned.plan;
+        let share = |p: usize| (self.measured[p].groups / groups_of(&plan.passes[p])).min(1.0);
         let done = self.weights.iter().enumerate().map(|(p, weight)| weight * share(p)).sum::<f64>().min(1.0);
-        Progress { pass: passes.get(self.last).map_or("", |pass| &pass.path), done }
+        (Arc::clone(plan), self.last, done)
     }
 
     /// Goes on until the device is at work on something that this run has to wait for; whether all has ended. With
-    /// `wait` it waits for one submit of its own at most. A run that fails is given up.
+    /// `wait` it waits for one submit at most. A run that fails is given up.
     pub(super) fn advance(&mut self, wait: bool) -> Result<bool, Error> {
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
         let advanced = self.try_advance(wait);
         if advanced.is_err() {
             self.abandon();
@@ -173,10 +181,12 @@ impl Flight {
     fn try_advance(&mut self, wait: bool) -> Result<bool, Error> {
         if let Some(before) = &self.before {
             let mut before = lock(before);
-            while !before.is_submitted() {
-                // What it fails by is for its owner to hear.
-                let _ = before.advance(wait);
-                if !wait && !before.is_submitted() {
+            if !before.is_submitted() {
+                if let Err(error) = before.advance(wait) {
+                    // For its owner to hear.
+                    before.failed = Some(error);
+                }
+                if wait || !before.is_submitted() {
                     return Ok(false);
                 }
             }
@@ -327,25 +337,30 @@ impl Flight {
     fn read_times(&mut self, wall_ms: f64) -> Result<(), Error> {
         let timed = self.whole_is_timed();
         let intervals = std::mem::take(&mut self.intervals);
+        let expected = |measured: &[Measured], interval: &Interval| {
+            interval.groups * measured[interval.pass].rate.unwrap_or(0.0)
+        };
         let slot = self.slot.as_mut().expect("given back at the end");
-        let times = match self.whole {
-            None => slot.timestamps().nanoseconds(intervals.len() as u32)?,
+        let (times, took) = match self.whole {
+            None => (slot.timestamps().nanoseconds(intervals.len() as u32)?, wall_ms),
             Some(sum) => {
                 let span = if timed { slot.timestamps().nanoseconds(1)? } else { None };
-                self.whole = Some(sum + span.map_or(0.0, |ns| ns[0] as f64 * 1e-6));
-                None
+                let span = span.map(|ns| ns[0] as f64 * 1e-6);
+                self.whole = Some(sum + span.unwrap_or(0.0));
+                (None, span.unwrap_or(wall_ms))
             }
         };
         slot.reset_timestamps();
+        // Where only the whole is timed, each part has its expected share of it.
+        let sum: f64 = intervals.iter().map(|interval| expected(&self.measured, interval)).sum();
+        let share = if sum > 0.0 { took / sum } else { 1.0 };
         for (i, interval) in intervals.iter().enumerate() {
-            let measured = &mut self.measured[interval.pass];
             let ms = match &times {
                 Some(times) => times[i] as f64 * 1e-6,
-                None if self.whole.is_some() => interval.groups * measured.rate.unwrap_or(0.0),
-                None if intervals.len() == 1 => wall_ms,
-                None => interval.groups * measured.rate.unwrap_or(0.0),
+                None if intervals.len() == 1 => took,
+                None => share * expected(&self.measured, interval),
             };
-            measured.add(ms, interval.groups);
+            self.measured[interval.pass].add(ms, interval.groups);
         }
         if let Some(interval) = intervals.last() {
             self.last = interval.pass;
@@ -358,9 +373,7 @@ impl Flight {
         if self.abandoned {
             return Err(Error::Cancelled);
         }
-        if self.whole.is_none() {
-            self.rates.learn(&self.planned.keys, &self.measured);
-        }
+        self.rates.learn(&self.planned.keys, &self.measured);
         let slot = self.slot.take().expect("a run is finished once");
         let contents = slot.contents(&self.graph.tickets)?;
         self.slots.give(slot);

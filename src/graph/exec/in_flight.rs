@@ -53,7 +53,8 @@ impl InFlight {
 
     /// Tells `told` how far it is.
     pub fn progress<R>(&self, told: impl FnOnce(Progress<'_>) -> R) -> R {
-        told(lock(&self.0).progress())
+        let (plan, pass, done) = lock(&self.0).progress();
+        told(Progress { pass: plan.passes.get(pass).map_or("", |pass| &pass.path), done })
     }
 
     /// Waits for its end.
