@@ -29,6 +29,8 @@ use crate::output::{self, Attribute, Channels, Picture, extension};
 use crate::renderer::{Aov, Frame, Layer, Renderer, Resume};
 use crate::scene::Camera;
 use crate::techniques::path_trace::PathTraceConfig;
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +64,7 @@ impl Origin {
     }
 }
 
-/// Writes a frame as its file's name says: [`exr`] to `.exr`, [`Frame::display`] to `.png`, with text chunks for tone
+/// Writes a frame as its file's name says: [`exr()`] to `.exr`, [`Frame::display`] to `.png`, with text chunks for tone
 /// mapping, exposure, glare and denoiser.
 ///
 /// # Errors
@@ -186,6 +188,31 @@ fn sampling(config: &RenderConfig) -> String {
         .to_string()
 }
 
+/// What differs between two texts of [`sampling`], as it is in each; the texts themselves where they are none.
+fn differing(there: String, here: String) -> (String, String) {
+    fn leaves(path: &str, value: &Value, found: &mut BTreeMap<String, String>) {
+        match value {
+            Value::Object(members) => {
+                members.iter().for_each(|(name, value)| leaves(&format!("{path}.{name}"), value, found));
+            }
+            value => drop(found.insert(path.trim_start_matches('.').to_owned(), value.to_string())),
+        }
+    }
+    let parsed = [&there, &here].map(|text| {
+        let mut found = BTreeMap::new();
+        leaves("", &serde_json::from_str(text).unwrap_or_default(), &mut found);
+        found
+    });
+    let only = |a: usize, b: usize| {
+        let differ = parsed[a].iter().filter(|(name, value)| parsed[b].get(*name) != Some(value));
+        differ.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
+    };
+    match (only(0, 1), only(1, 0)) {
+        (a, b) if a.is_empty() || b.is_empty() => (there, here),
+        differing => differing,
+    }
+}
+
 /// A picture that a render cannot go on from.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -204,7 +231,7 @@ pub enum ResumeError {
     Differs {
         /// The file.
         file: PathBuf,
-        /// What is different: size, window, scene hash, seed, backend or sampling.
+        /// What is different: size, window, scene hash (with the camera), seed, backend or sampling.
         what: &'static str,
         /// What the file says.
         there: String,
@@ -230,7 +257,7 @@ impl ResumeError {
 }
 
 impl Resume {
-    /// Reads a picture that [`write`] left of a progressive render, to go on from it by `config`. `halves` says that the
+    /// Reads a picture that [`write()`] left of a progressive render, to go on from it by `config`. `halves` says that the
     /// render at hand has a limit to noise or draws a layer that takes halves ([`Aov::takes_halves`]).
     ///
     /// # Errors
@@ -262,6 +289,7 @@ impl Resume {
             ("sampling", text("parhelion:sampling").unwrap_or_default(), sampling(config)),
         ] {
             if there != here {
+                let (there, here) = differing(there, here);
                 return Err(ResumeError::Differs { file: file.into(), what, there, here });
             }
         }

@@ -170,7 +170,7 @@ pub(super) struct Render {
     /// -D glare.radius=0.1 is how far, in picture heights.
     #[arg(long, value_name = "STRENGTH", help_heading = PICTURE, hide_short_help = true, allow_hyphen_values = true, value_parser = number)]
     pub(super) glare: Option<f32>,
-    /// Remove noise with Open Image Denoise; not for references.
+    /// Remove noise with Open Image Denoise, in builds with the feature denoise.
     ///
     /// It guesses from radiance, albedo and normals, in all pictures. .exr ones keep the noisy radiance in the layer noisy.
     #[arg(long, help_heading = PICTURE)]

@@ -122,7 +122,7 @@ pub enum Error {
     /// The graph is declared wrongly.
     #[error(transparent)]
     Declaration(#[from] Mistake),
-    /// The run was stopped by [`RunOptions::cancel`].
+    /// The run was stopped by [`RunOptions::cancel`](super::RunOptions::cancel).
     #[error("interrupted")]
     Cancelled,
     /// The planner made a plan that the oracle refuses: a bug of the library. Sought in debug builds only.

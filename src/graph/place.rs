@@ -15,7 +15,7 @@ pub struct Heap {
 /// Where a transient lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Placement {
-    /// Index in [`Plan::heaps`].
+    /// Index in [`Plan::heaps`](super::Plan::heaps).
     pub heap: usize,
     /// Bytes from the heap's start.
     pub offset: u64,

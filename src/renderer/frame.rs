@@ -46,7 +46,7 @@ pub struct Frame {
     /// Milliseconds on the device of the whole frame: median over repeats. Where passes overlap it is less than
     /// their sum: a GPU renders each repeat twice, the second time without timing passes.
     pub total_ms: Option<f64>,
-    /// Milliseconds of each way of [`FrameRequest::beside`], as `total_ms`; by the host's clock where the device has no
+    /// Milliseconds of each way of [`FrameRequest::beside`](super::FrameRequest::beside), as `total_ms`; by the host's clock where the device has no
     /// timestamps.
     pub beside_ms: Vec<f64>,
     /// Milliseconds by the host's clock from the first submit to the end of the last one: of a repeat, on a GPU the mean
@@ -67,7 +67,7 @@ pub struct Frame {
     pub min_distance: Option<f32>,
     /// Samples a pixel, of progressive methods.
     pub samples: Option<u32>,
-    /// [`noise`] of beauty, where its halves were kept.
+    /// [`noise`](super::noise) of beauty, where its halves were kept.
     pub noise: Option<f64>,
     /// Most bytes ever allocated on the device so far.
     pub peak_device_bytes: u64,

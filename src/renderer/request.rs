@@ -46,7 +46,7 @@ pub struct FrameRequest<'a> {
     pub repeat: u32,
     /// Progressive methods stop after this time.
     pub time: Option<Duration>,
-    /// Progressive methods stop where [`noise`] is no more than this.
+    /// Progressive methods stop where [`noise`](super::noise) is no more than this.
     pub noise: Option<f64>,
     /// Features that are modelled as if the scene had them: the picture is the same (see [`Prepared::unneeded`](super::Prepared::unneeded)).
     pub modelled: &'a [Feature],

@@ -14,7 +14,7 @@ use super::select::Limits;
 /// Where a buffer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MemoryKind {
-    /// The device's own memory; the host reaches it by [`Device::upload`] and [`Device::download`].
+    /// The device's own memory; the host reaches it by [`Device::upload`](super::Device::upload) and [`Device::download`](super::Device::download).
     Device,
     /// Mapped memory the host writes in order and the device reads.
     Upload,
@@ -27,7 +27,7 @@ pub enum MemoryKind {
 pub struct MemoryReport {
     /// Bytes allocated now.
     pub current: u64,
-    /// Most bytes that were allocated at once since the device was opened, or since [`Device::reset_peak`].
+    /// Most bytes that were allocated at once since the device was opened, or since [`Device::reset_peak`](super::Device::reset_peak).
     pub peak: u64,
     /// Bytes allocated now, summed by the objects' names.
     pub by_name: BTreeMap<String, u64>,
