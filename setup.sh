@@ -58,7 +58,8 @@ builds_shaderc() {
 }
 
 has_loader() {
-    { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null | grep -q 'libvulkan\.so\.1'
+    # Not `grep -q`, which stops reading: what writes on fails then, and the pipe with it.
+    { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null | grep 'libvulkan\.so\.1' >/dev/null
 }
 
 has_driver() {
@@ -75,7 +76,7 @@ has_browser() {
     command -v chromium || command -v chromium-browser || command -v google-chrome
 } >/dev/null
 
-installed() { dpkg-query -W -f '${Status}' "$1" 2>/dev/null | grep -q ' installed$'; }
+installed() { dpkg-query -W -f '${Status}' "$1" 2>/dev/null | grep ' installed$' >/dev/null; }
 
 # Whether the package lists, once there are some, offer what the quick link needs: shaderc knows ray
 # query from 2022.1 on.
@@ -123,7 +124,7 @@ fi
 
 quick=(libshaderc-dev glslang-dev spirv-tools)
 source=(cmake g++ git python3)
-lists() { apt-get indextargets 'Created-By: Packages' | grep -q .; }
+lists() { apt-get indextargets 'Created-By: Packages' | grep . >/dev/null; }
 
 packages=()
 links || packages+=(g++)
@@ -177,7 +178,7 @@ install --no-upgrade "${packages[@]}"
 
 if [ "$mode" = ci ] && ! has_ray_query && [ "${VERSION_CODENAME:-}" = bookworm ]; then
     indices() { apt-get indextargets --format '$(CODENAME) $(REPO_URI) $(COMPONENT)' 'Created-By: Packages'; }
-    if ! indices | grep -q '^bookworm-backports '; then
+    if ! indices | grep '^bookworm-backports ' >/dev/null; then
         mirror=$(indices | awk '$1 == "bookworm" && $3 == "main" && !uri { uri = $2 } END { print uri }')
         [ -n "$mirror" ] || die "no mirror of bookworm's main section among this machine's apt sources"
         say "adding bookworm-backports to the apt sources"
