@@ -1,7 +1,7 @@
 //! What a picture holds for each pixel, on the host.
 
 /// Numbers in rows, the top one first, channels interleaved.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layer {
     /// Pixels in a row.
     pub width: u32,

@@ -120,16 +120,6 @@ fn cull(graph: &Graph) -> (Vec<PlannedPass>, Vec<Culled>) {
 }
 
 fn planned(pass: &PassDecl, recorded: usize) -> PlannedPass {
-    let (shader, groups) = match &pass.work {
-        Work::Kernel(kernel) => (
-            Some(kernel.code.name.clone().into_owned()),
-            match kernel.dispatch {
-                Dispatch::Groups(groups) => Some(groups),
-                Dispatch::Indirect { .. } => None,
-            },
-        ),
-        _ => (None, None),
-    };
     let accesses = pass.uses.iter().map(|u| PlannedAccess {
         resource: u.resource as usize,
         variable: u.variable.clone().into_owned(),
@@ -140,8 +130,8 @@ fn planned(pass: &PassDecl, recorded: usize) -> PlannedPass {
     PlannedPass {
         path: pass.path.clone(),
         kind: pass.work.noun(),
-        shader,
-        groups,
+        shader: pass.work.shader().map(|name| name.clone().into_owned()),
+        groups: pass.work.groups(),
         accesses: accesses.collect(),
         barrier: None,
         recorded,

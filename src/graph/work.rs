@@ -93,6 +93,22 @@ pub(super) enum Work {
 }
 
 impl Work {
+    /// The kernel's name, of kernels.
+    pub(super) fn shader(&self) -> Option<&Cow<'static, str>> {
+        match self {
+            Self::Kernel(kernel) => Some(&kernel.code.name),
+            _ => None,
+        }
+    }
+
+    /// Workgroups of kernels, where the host knows.
+    pub(super) fn groups(&self) -> Option<[u32; 3]> {
+        match self {
+            Self::Kernel(KernelWork { dispatch: Dispatch::Groups(groups), .. }) => Some(*groups),
+            _ => None,
+        }
+    }
+
     pub(super) fn noun(&self) -> &'static str {
         match self {
             Self::Kernel(_) => "kernel",

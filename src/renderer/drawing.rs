@@ -144,24 +144,15 @@ impl Tickets {
         };
         Frame {
             beauty,
-            denoised: None,
             display: run.take(self.display),
             exposure_ev: run.take(self.exposure).first().copied().unwrap_or_default(),
             aovs,
             taps,
             vpl_count,
             regathered: self.regathered.and_then(|ticket| run.take(ticket).last().copied()),
-            passes: Vec::new(),
-            total_ms: None,
-            beside_ms: Vec::new(),
-            wall_ms: 0.0,
-            host_ms: 0.0,
-            rays: 0,
             path_count,
             min_distance,
-            samples: None,
-            noise: None,
-            peak_device_bytes: 0,
+            ..Frame::default()
         }
     }
 }

@@ -27,7 +27,7 @@ pub struct Denoised {
 }
 
 /// A finished picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Frame {
     /// Radiance (W/(sr·m²)), linear Rec. 709.
     pub beauty: Layer,

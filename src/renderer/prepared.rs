@@ -218,9 +218,6 @@ impl Prepared {
         if config.visibility.software_only() && self.backend != Backend::Software {
             return Err(Error::SoftwareOnly { visibility: config.visibility.name() });
         }
-        if self.serves(config) {
-            return Ok(Invalidated::default());
-        }
         let mut structure = self.resident.structure.clone();
         let geometry = Geometry::of(&self.scene)?;
         if config.visibility == Visibility::BoxesInline && !structure.is_whole() {

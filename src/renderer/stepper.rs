@@ -105,7 +105,6 @@ struct Brings {
     tickets: Tickets,
     taps: Vec<(String, Tap)>,
     halves: Option<[Ticket<[f32; 4]>; 2]>,
-    grown: bool,
 }
 
 /// How steps are watched.
@@ -429,10 +428,9 @@ impl Stepper {
         specs: &[String],
     ) -> Result<Option<Brings>, Error> {
         let tickets = Tickets::take(g, &self.drawing.config, recorded, picture);
-        let grown = matches!(self.images, Images::Growing(_));
         let Some(tickets) = tickets else { return Ok(None) };
         let taps = taps(g, specs)?;
-        Ok(Some(Brings { tickets, taps, halves, grown }))
+        Ok(Some(Brings { tickets, taps, halves }))
     }
 
     fn submit(
@@ -495,10 +493,10 @@ impl Stepper {
             if front.ends_picture {
                 self.tallies.push_back(Tally::default());
             }
-            let Some(Brings { tickets, taps, halves, grown }) = front.brings else { continue };
+            let Some(Brings { tickets, taps, halves }) = front.brings else { continue };
             let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));
             let mut frame = tickets.redeem(&mut run, self.drawing.window.extent, &self.drawing.layers, taps);
-            if grown {
+            if matches!(self.images, Images::Growing(_)) {
                 frame.samples = Some(front.taken);
                 let halves = halves.filter(|_| front.taken > 1);
                 frame.noise = halves.map(|[a, b]| noise(&frame.beauty.data, &a, &b, front.taken));

@@ -61,6 +61,9 @@ impl Renderer {
 
     /// Builds the structures that a frame traces rays in, unless they are there.
     pub(super) fn serve(&mut self, config: &IndirectConfig) -> Result<(), Error> {
+        if self.prepared.serves(config) {
+            return Ok(());
+        }
         Arc::make_mut(&mut self.prepared).serve(config).map(drop)
     }
 

@@ -107,27 +107,7 @@ pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
 
 /// A frame without a pixel.
 pub(crate) fn frame() -> Frame {
-    Frame {
-        beauty: Layer { width: 0, height: 0, channels: 3, data: Vec::new() },
-        denoised: None,
-        display: Vec::new(),
-        exposure_ev: 0.0,
-        aovs: Vec::new(),
-        taps: Vec::new(),
-        passes: Vec::new(),
-        total_ms: None,
-        beside_ms: Vec::new(),
-        wall_ms: 0.0,
-        host_ms: 0.0,
-        rays: 0,
-        vpl_count: None,
-        regathered: None,
-        path_count: None,
-        min_distance: None,
-        samples: None,
-        noise: None,
-        peak_device_bytes: 0,
-    }
+    Frame { beauty: Layer { channels: 3, ..Layer::default() }, ..Frame::default() }
 }
 
 /// The part of JSON Schema that the schemas in `docs` use; any other word in them fails the test.

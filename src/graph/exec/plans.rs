@@ -8,7 +8,7 @@ use crate::graph::{
     record::Graph,
     resource::Desc,
     stages::Stages,
-    work::{Dispatch, ResourceDecl, Work},
+    work::{ResourceDecl, Work},
 };
 use crate::vk::{self, Access};
 use std::{borrow::Cow, mem::Discriminant, mem::discriminant, sync::Arc};
@@ -79,8 +79,8 @@ impl Declarations {
         let passes = graph.passes.iter().map(|pass| Pass {
             path: pass.path.clone(),
             kind: discriminant(&pass.work),
-            shader: shader(&pass.work).cloned(),
-            groups: groups(&pass.work),
+            shader: pass.work.shader().cloned(),
+            groups: pass.work.groups(),
             uses: pass.uses.iter().map(|u| (u.resource, u.variable.clone(), u.stages, u.access)).collect(),
         });
         Self { alias, resources: resources.collect(), passes: passes.collect(), kept: graph.kept.clone() }
@@ -103,29 +103,12 @@ impl Declarations {
                 let uses = pass.uses.iter().map(|u| (u.resource, &u.variable, u.stages, u.access));
                 pass.path == declared.path
                     && discriminant(&pass.work) == declared.kind
-                    && shader(&pass.work) == declared.shader.as_ref()
-                    && groups(&pass.work) == declared.groups
+                    && pass.work.shader() == declared.shader.as_ref()
+                    && pass.work.groups() == declared.groups
                     && uses.eq(declared
                         .uses
                         .iter()
                         .map(|(r, variable, stages, access)| (*r, variable, *stages, *access)))
             })
-    }
-}
-
-fn shader(work: &Work) -> Option<&Cow<'static, str>> {
-    match work {
-        Work::Kernel(kernel) => Some(&kernel.code.name),
-        _ => None,
-    }
-}
-
-fn groups(work: &Work) -> Option<[u32; 3]> {
-    match work {
-        Work::Kernel(kernel) => match kernel.dispatch {
-            Dispatch::Groups(groups) => Some(groups),
-            Dispatch::Indirect { .. } => None,
-        },
-        _ => None,
     }
 }
