@@ -49,7 +49,7 @@ impl<'a> Traced<'a> {
         let mut data = SceneData { ray_epsilon: self.geometry.ray_epsilon(), ..SceneData::default() };
         self.structure.describe(&mut data);
         let spec = SceneSpec {
-            alpha_mask: self.geometry.any_masked(),
+            alpha_mask: self.geometry.source.iter().any(|s| s.blocks.masked),
             instanced: self.geometry.instances.len() > 1,
             stack_depth: self.structure.stack_depth(),
             ..SceneSpec::default()
@@ -638,7 +638,7 @@ fn masked_triangles_ask_the_kernel() {
     let oracle = BruteForce::new(&geometry);
     // As test/trace.comp decides it.
     let solid = |c: &Crossing| {
-        let masked = oracle.triangle(c.hit.instance, c.hit.primitive).unwrap().masked;
+        let masked = oracle.triangle(c.hit.instance, c.hit.primitive).unwrap().blocks.masked;
         let [v, w] = c.hit.barycentrics;
         !masked || v + w <= 0.5
     };
@@ -665,7 +665,7 @@ fn masked_triangles_ask_the_kernel() {
             if let Some(expected) = expected {
                 let id = (expected.hit.instance, expected.hit.primitive);
                 assert_eq!((hit.instance, hit.primitive), id, "{backend:?} {ray:?}");
-                masked_hits += usize::from(oracle.triangle(id.0, id.1).unwrap().masked);
+                masked_hits += usize::from(oracle.triangle(id.0, id.1).unwrap().blocks.masked);
             }
         }
         assert!(masked_hits > 100);

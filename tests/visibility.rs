@@ -211,7 +211,7 @@ fn trace(
     let mut data = SceneData { ray_epsilon: geometry.ray_epsilon(), ..SceneData::default() };
     structure.describe(&mut data);
     let spec = SceneSpec {
-        alpha_mask: geometry.any_masked(),
+        alpha_mask: geometry.source.iter().any(|s| s.blocks.masked),
         stack_depth: structure.stack_depth(),
         visibility: visibility as u32,
         ..SceneSpec::default()

@@ -29,7 +29,7 @@ vec3 arriving_light(Receiver x, vec3 u, inout uint rays) {
     if (!sample_light(from, u, light) || dot(x.geometric_normal, light.direction) <= 0.0) return vec3(0.0);
     float cosine = dot(x.normal, light.direction);
     if (cosine <= 0.0) return vec3(0.0);
-    return shadowed(cosine * light.radiance_over_pdf, visibility(from, light.direction, light.distance, false, rays));
+    return arriving(cosine * light.radiance_over_pdf, from, light.direction, light.distance, rays);
 }
 
 // The same from one VPL of those that `bounces` diffuse hits at most have left.
@@ -39,7 +39,32 @@ vec3 arriving_vpl(Receiver x, float u, uint bounces, float min_distance, inout u
     if (vpls.data[k].bounce >= bounces) return vec3(0.0);
     Connection c = connect_vpl(k, x, offset_origin(x.position, x.geometric_normal), min_distance);
     if (c.light == vec3(0.0)) return vec3(0.0);
-    return shadowed(float(count.vpls) * c.light, visibility(c.from, c.to, rays));
+    return arriving(float(count.vpls) * c.light, c.from, c.to, rays);
+}
+
+// The first surface within `reach` (m) that a path does not pass, which it does of sheer ones by chance; false if none.
+bool next_surface(vec3 from, vec3 along, float reach, uint seed, out Surface surface, inout vec3 throughput, inout uint rays) {
+    Hit hit;
+    ++rays;
+    if (!SHEER) {
+        if (!trace_closest(from, along, 0.0, reach, hit)) return false;
+        surface = surface_at(hit);
+        return true;
+    }
+    bool found = false;
+    uint passes = 0u;
+    while (!found && trace_closest(from, along, 0.0, reach, hit)) {
+        surface = surface_at(hit);
+        vec3 share = passing(surface, along);
+        float p = passing_probability(share);
+        found = unit_float(hash(seed, passes++)) >= p;
+        throughput *= found ? vec3(coverage(surface.material) / (1.0 - p)) : share / p;
+        vec3 there = beyond(surface, along);
+        reach -= max(dot(there - from, along), 0.0);
+        from = there;
+        if (!found) ++rays;
+    }
+    return found;
 }
 
 // W/m² at the receiver by path `i`, of at most `vertices` beyond it.
@@ -51,14 +76,12 @@ vec3 lost_light(Receiver x, uint i, uint seed, uint vertices, float min_distance
         vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(set + SET_DIRECTION)));
         if (dot(x.geometric_normal, direction) <= 0.0) break;
         vec3 origin = offset_origin(x.position, x.geometric_normal);
-        Hit hit;
-        ++rays;
-        if (!trace_closest(origin, direction, 0.0, 1.2 * min_distance, hit)) break;
-        Surface surface = surface_at(hit);
-        if (is_glass(surface.material)) break;
-        face(surface, -direction);
+        Surface surface;
+        if (!next_surface(origin, direction, 1.2 * min_distance, hash(set, i), surface, throughput, rays)) break;
+        bool front = face(surface, -direction);
         float d = distance(x.position, surface.position);
-        throughput *= diffuse_albedo(surface.material) * (1.0 - bounded(d, min_distance));
+        float cos_i = clamp(-dot(surface.normal, direction), 0.0, 1.0);
+        throughput *= vpl_albedo(surface.material, cos_i, front) * (1.0 - bounded(d, min_distance));
         if (throughput == vec3(0.0)) break;
         x = receiver_at(surface);
         vec2 choice = sobol(i, hash(set + SET_CHOICE));

@@ -35,6 +35,7 @@ void main() {
         GlossySurface g = glossy_surface(surface, front, to_viewer);
         Walk walk = Walk(params.first + local.z, has_glossy_lobe(g) ? min(params.last, count.vpls) : 0u, PARTS);
         radiance = radiance_from_vpls(walk, g, LOBE_GLOSSY, params.min_distance, rays);
+        if (ALPHA_BLEND) radiance *= coverage(surface.material);
     }
     parts[local.z][local.y][local.x] = radiance;
     barrier();

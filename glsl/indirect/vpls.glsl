@@ -73,15 +73,11 @@ Connection connect_vpl(uint k, vec3 position, vec3 to, float min_distance, out v
 }
 
 // Of a VPL's light, by the kind of visibility asked for.
-vec3 vpl_visibility(vec3 vpl, vec3 point, inout uint rays) {
-    if (VISIBILITY == VISIBILITY_EXACT) return visibility(vpl, point, rays);
-    ++rays;
-    return vec3(trace_any_box(vpl, point - vpl, 0.0, 1.0) ? 0.0 : 1.0);
-}
-
-vec3 arriving(Connection c, inout uint rays) {
+vec3 arriving_vpl(Connection c, inout uint rays) {
     if (c.light == vec3(0.0)) return vec3(0.0);
-    return shadowed(c.light, vpl_visibility(c.from, c.to, rays));
+    if (VISIBILITY == VISIBILITY_EXACT) return arriving(c.light, c.from, c.to, rays);
+    ++rays;
+    return trace_any_box(c.from, c.to - c.from, 0.0, 1.0) ? vec3(0.0) : c.light;
 }
 
 // Every `step`th VPL of a range.
@@ -95,7 +91,7 @@ struct Walk {
 vec3 irradiance_from_vpls(Walk walk, Receiver x, float min_distance, inout uint rays) {
     vec3 to = offset_origin(x.position, x.geometric_normal);
     vec3 sum = vec3(0.0);
-    for (uint k = walk.first; k < walk.last; k += walk.step) sum += arriving(connect_vpl(k, x, to, min_distance), rays);
+    for (uint k = walk.first; k < walk.last; k += walk.step) sum += arriving_vpl(connect_vpl(k, x, to, min_distance), rays);
     return sum;
 }
 
@@ -108,7 +104,7 @@ vec3 radiance_from_vpls(Walk walk, GlossySurface g, uint lobes, float min_distan
         Connection c = connect_vpl(k, at, to, min_distance, direction);
         if (c.light == vec3(0.0)) continue;
         c.light *= scattered(g, direction, lobes);
-        sum += arriving(c, rays);
+        sum += arriving_vpl(c, rays);
     }
     return sum;
 }

@@ -9,7 +9,7 @@
 //   exceeds 1 (1.59 at 85°, roughness 0.05). With scene.energy_conserving it is (1 − F(n·wo))(1 − F(n·wi)) (Shirley et
 //   al. 1997), at most 1 and reciprocal too.
 // - Transmission without a volume is a thin wall: R' = 2R/(1 + R) on smooth and rough ones, roughness spreads light
-//   about the direction straight through. With one it refracts; radiance is scaled by 1/η² at each boundary, η being
+//   about the direction straight through. A smooth one is a pane: what passes it has met no vertex (LOBE_PANE). With one it refracts; radiance is scaled by 1/η² at each boundary, η being
 //   the index on wi's side over that on wo's. Light paths, which carry flux, multiply it back.
 // - The clear coat takes its share by the angle of its normal with wo, as published: not reciprocal. Emission passes it
 //   unchanged. It lies on the outside of solids.
@@ -27,7 +27,8 @@ const uint LOBE_DIFFUSE = 1u;
 const uint LOBE_GLOSSY = 2u;
 const uint LOBE_DELTA = 4u;
 const uint LOBE_TRANSMIT = 8u; // with one of the others
-const uint LOBE_ALL = 15u;
+const uint LOBE_PANE = 16u; // straight on through a pane, alone
+const uint LOBE_ALL = 31u;
 
 struct BsdfSample {
     vec3 direction;
@@ -47,6 +48,7 @@ struct Layers {
     bool solid;
     bool delta;          // the interface reflects into one direction
     bool delta_transmit; // and transmits into one
+    uint transmit;       // bits of the lobe that transmits
     vec3 diffuse; // Lambertian albedo beneath the interface
     mat3 coat_frame;
     vec3 coat_wo;
@@ -77,6 +79,13 @@ float coat_share(Material material, float cos_o) {
     return material.clearcoat * (0.04 + 0.96 * schlick_weight(cos_o));
 }
 
+// Share of light of either direction that goes straight on through a pane.
+vec3 pane_share(Surface s, vec3 along) {
+    vec3 share = split_interface(s.material, min(abs(dot(s.normal, along)), 1.0), true).transmitted;
+    if (has_coat(s.material, true)) share *= 1.0 - coat_share(s.material, abs(dot(s.clearcoat_normal, along)));
+    return share;
+}
+
 Layers layers_of(Surface s, bool front, vec3 wo, uint lobes) {
     Material m = s.material;
     Layers l;
@@ -88,6 +97,7 @@ Layers layers_of(Surface s, bool front, vec3 wo, uint lobes) {
     l.eta = !l.solid ? 1.0 : front ? m.ior : 1.0 / m.ior;
     l.delta = l.alpha < DELTA_ALPHA;
     l.delta_transmit = l.delta || l.solid && m.ior <= STRAIGHT_IOR;
+    l.transmit = is_pane(m) ? LOBE_PANE : LOBE_TRANSMIT | (l.delta_transmit ? LOBE_DELTA : LOBE_GLOSSY);
     l.diffuse = diffuse_albedo(m);
     l.coat = 0.0;
     l.coat_alpha = 1.0;
@@ -103,7 +113,7 @@ Layers layers_of(Surface s, bool front, vec3 wo, uint lobes) {
     Split split = split_interface(m, l.wo.z, front);
     float p_interface = 0.0;
     if (has_lobe(lobes, l.delta ? LOBE_DELTA : LOBE_GLOSSY)) p_interface += sum(split.reflected);
-    if (has_lobe(lobes, LOBE_TRANSMIT | (l.delta_transmit ? LOBE_DELTA : LOBE_GLOSSY))) {
+    if (has_lobe(lobes, l.transmit)) {
         // Beyond the critical angle facets may still transmit.
         p_interface += l.delta ? sum(split.transmitted) : m.transmission * (1.0 - m.metallic) * sum(m.base_color);
     }
@@ -122,8 +132,7 @@ Layers layers_of(Surface s, bool front, vec3 wo, uint lobes) {
 float reflect_probability(Layers l, Split split, uint lobes) {
     if (!l.glass) return 1.0;
     float r = has_lobe(lobes, l.delta ? LOBE_DELTA : LOBE_GLOSSY) ? sum(split.reflected) : 0.0;
-    bool transmits = has_lobe(lobes, LOBE_TRANSMIT | (l.delta_transmit ? LOBE_DELTA : LOBE_GLOSSY));
-    float t = transmits ? sum(split.transmitted) : 0.0;
+    float t = has_lobe(lobes, l.transmit) ? sum(split.transmitted) : 0.0;
     return r + t > 0.0 ? r / (r + t) : 1.0;
 }
 
@@ -266,8 +275,13 @@ bool bsdf_sample(Surface s, bool front, vec3 wo, vec3 u, uint lobes, out BsdfSam
             }
             b.direction = l.frame * reflect(-l.wo, h);
         } else {
-            b.lobe = LOBE_TRANSMIT | (l.delta_transmit ? LOBE_DELTA : LOBE_GLOSSY);
+            b.lobe = l.transmit;
             b.eta = l.eta;
+            if (b.lobe == LOBE_PANE) {
+                b.direction = -wo;
+                b.weight = pane_share(s, wo) / (l.p_interface * (1.0 - p));
+                return b.weight != vec3(0.0);
+            }
             if (l.delta_transmit) {
                 b.direction = l.delta ? transmit(s.material, -wo, l.frame[2], front) : -wo;
                 b.weight = split.transmitted * (beneath / (l.p_interface * (1.0 - p) * l.eta * l.eta));

@@ -20,6 +20,11 @@ bool is_glass(Material material) {
 
 bool is_solid(Material material) { return VOLUMES && (material.flags & MATERIAL_SOLID) != 0u; }
 
+// Whether what it transmits goes straight through: a thin wall, and smooth.
+bool is_pane(Material material) {
+    return PANES && is_glass(material) && !is_solid(material) && material.roughness <= scene.pane_roughness;
+}
+
 bool is_mirror(Material material) {
     bool any = MIRRORS; // a variable: the build's reflection evaluates no operators between constants
     if (GLASS) any = true;
@@ -64,9 +69,19 @@ struct Split {
     float base;
 };
 
+// Of a slab with all that goes to and fro in it, r at each face; `material` has its colour of both faces together.
+Split split_slab(Material material, float cos_i) {
+    float r = fresnel_dielectric(cos_i, material.ior);
+    float cos_t = sqrt(1.0 - (1.0 - cos_i * cos_i) / (material.ior * material.ior));
+    vec3 along = exp(-material.absorption / cos_t);
+    vec3 across = (1.0 - r) * (1.0 - r) * along * material.base_color / (1.0 - r * r * along * along);
+    return Split(r + r * along * across, across, 0.0);
+}
+
 // `front` is the side light comes from: behind the front of a solid, eta turns round.
 Split split_interface(Material material, float cos_i, bool front) {
     if (!is_glass(material)) return Split(schlick(material, cos_i), vec3(0.0), dielectric_base(material, cos_i));
+    if (PANES && (material.flags & MATERIAL_SLAB) != 0u) return split_slab(material, cos_i);
     float dielectric = 1.0 - material.metallic;
     float eta = is_solid(material) && !front ? 1.0 / material.ior : material.ior;
     float r = fresnel_dielectric(cos_i, eta);
@@ -106,6 +121,12 @@ vec3 transmit(Material material, vec3 direction, vec3 normal, bool front) {
     vec3 refracted = refract(direction, normal, front ? 1.0 / material.ior : material.ior);
     // At the critical angle rounding may leave nothing: then it grazes.
     return refracted != vec3(0.0) ? refracted : normalize(direction - dot(direction, normal) * normal);
+}
+
+// Share of light that a VPL gives back where it lies; none lie on solid or rough glass.
+vec3 vpl_albedo(Material material, float cos_i, bool front) {
+    if (!is_glass(material)) return diffuse_albedo(material);
+    return is_pane(material) ? diffuse_albedo(material) * split_interface(material, cos_i, front).base : vec3(0.0);
 }
 
 // Share of light the diffuse part gets once a mirror has taken its own.

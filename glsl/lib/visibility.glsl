@@ -2,33 +2,41 @@
 #ifndef LIB_VISIBILITY_GLSL
 #define LIB_VISIBILITY_GLSL
 
-#include "lib/surface.glsl"
+#include "lib/sheer.glsl"
 #include "trace/trace.glsl"
 
-// What of the light from `reach` times `along` away arrives at `from`, by channel: all or none, but that surfaces of partial
-// coverage take their share alone if `partial`.
-vec3 visibility(vec3 from, vec3 along, float reach, const bool partial, inout uint rays) {
+// What of `light`, which comes from `reach` times `along` away, arrives at `from`: panes take their tint, surfaces of
+// partial coverage their share, each once, all others everything.
+//
+// Whether anything is there is asked first, and what it is of one hit: in loops over VPLs to ask every hit would cost 4 %
+// on a large GPU, to follow hits by the same code as asks first 12 %.
+vec3 arriving(vec3 light, vec3 from, vec3 along, float reach, inout uint rays) {
     ++rays;
-    if (!ALPHA_BLEND || !partial) return vec3(trace_any(from, along, 0.0, reach) ? 0.0 : 1.0);
-    float share = 1.0;
-    Hit hit;
-    while (trace_closest(from, along, 0.0, reach, hit)) {
-        Surface s = surface_at(hit);
-        share *= 1.0 - coverage(s.material);
-        if (share <= 0.0) return vec3(0.0);
-        face(s, -along);
-        vec3 beyond = offset_origin(s.position, -s.geometric_normal);
-        reach -= max(dot(beyond - from, along), 0.0);
-        from = beyond;
+    if (!SHEER) return trace_any(from, along, 0.0, reach) ? vec3(0.0) : light;
+    Probe ray = probe(from, along);
+    float t = reach;
+    uint met;
+    if (!meet(ray, 0.0, t, false, met)) return light;
+    if (!is_sheer(ray, met)) return vec3(0.0);
+    float t_min = 0.0;
+    bool going = true;
+    // Mesa 22.3's lavapipe loses returns from loops on some lanes.
+    while (going) {
         ++rays;
+        t = reach;
+        going = meet(ray, t_min, t, true, met);
+        if (going) {
+            vec3 share = is_sheer(ray, met) ? passing(surface_at(hit_of(ray, met, t)), normalize(along)) : vec3(0.0);
+            // It may be infinite.
+            light = share == vec3(0.0) ? vec3(0.0) : light * share;
+            t_min = t;
+            going = light != vec3(0.0);
+        }
     }
-    return vec3(share);
+    return light;
 }
 
 // The same between two points.
-vec3 visibility(vec3 from, vec3 to, inout uint rays) { return visibility(from, to - from, 1.0, false, rays); }
-
-// What is left of light where so much of it is visible: nothing of infinitely much, too, where none is.
-vec3 shadowed(vec3 light, vec3 visible) { return visible == vec3(0.0) ? vec3(0.0) : light * visible; }
+vec3 arriving(vec3 light, vec3 from, vec3 to, inout uint rays) { return arriving(light, from, to - from, 1.0, rays); }
 
 #endif

@@ -82,7 +82,7 @@ vec3 connect(Surface s, bool front, vec3 wo, uint lobes, vec3 albedo, uint verte
         absorption = absorption_behind(s.material, front, absorption);
     }
     f *= transmittance(absorption, light.distance);
-    return f * light.radiance_over_pdf * visibility(from, light.direction, light.distance, true, rays);
+    return arriving(f * light.radiance_over_pdf, from, light.direction, light.distance, rays);
 }
 
 // Radiance that arrives along a ray; W/(sr·m²).
@@ -92,8 +92,9 @@ vec3 trace_path(Ray ray) {
     float pdf = 0.0;
     uint lobe = LOBE_DELTA;
     float scale = 1.0;   // of radiance, by refraction
-    float covered = 0.0; // distance since the last scattering, surfaces of partial coverage passed
-    uint passed = 0u;
+    float covered = 0.0; // distance since the last scattering, sheer surfaces passed
+    uint passes = 0u;    // of partial coverage
+    uint vertex = 0u;    // sample sets: vertices and panes so far
     uint depth = 1u; // of the edge ahead
     while (true) {
         Hit hit;
@@ -115,8 +116,8 @@ vec3 trace_path(Ray ray) {
         throughput *= transmittance(absorption, length);
         if (ALPHA_BLEND) {
             float share = coverage(s.material);
-            if (share < 1.0 && unit_float(hash(pixel_seed, sample_index, ++passed)) >= share) {
-                ray.origin = offset_origin(s.position, -s.geometric_normal);
+            if (share < 1.0 && unit_float(hash(pixel_seed, sample_index, ++passes)) >= share) {
+                ray.origin = beyond(s, ray.direction);
                 continue;
             }
         }
@@ -128,21 +129,35 @@ vec3 trace_path(Ray ray) {
             if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, light_pdf(hit, s, front, wo, covered));
             sum += throughput * emitted * weight;
         }
-        if (depth >= params.max_depth) break;
+        bool ends = depth >= params.max_depth;
+        bool pane = is_pane(s.material);
+        if (ends && !pane) break;
 
-        uint vertex = depth - 1u;
         uint lobes = TRANSPORT == TRANSPORT_DIRECT ? LOBE_ALL & ~LOBE_DELTA : LOBE_ALL;
         vec3 albedo = vec3(0.0);
         bool connects = true;
         if (TRANSPORT == TRANSPORT_DIFFUSE_INDIRECT) {
+            if (pane) {
+                vec3 share = pane_share(s, ray.direction);
+                float p = passing_probability(share);
+                if (sample_1d(SET_LOBE, vertex) < p) {
+                    throughput *= share / p;
+                    ray.origin = beyond(s, ray.direction);
+                    ++vertex;
+                    continue;
+                }
+                throughput /= 1.0 - p;
+                if (ends) break;
+            }
             albedo = depth == 1u ? bsdf_diffuse(s, front, wo) : diffuse_albedo(s.material);
             if (albedo == vec3(0.0)) break;
             connects = depth > 1u;
         }
-        if (CONNECT != CONNECT_NONE && connects) {
+        if (CONNECT != CONNECT_NONE && connects && !ends) {
             sum += throughput * connect(s, front, wo, lobes, albedo, vertex, absorption);
         }
-        if (!FINDS_LIGHT && depth + 1u == params.max_depth) break;
+        bool finds = FINDS_LIGHT || depth + 1u != params.max_depth;
+        if (!finds && !pane) break;
 
         vec2 u = sample_2d(SET_DIRECTION, vertex);
         if (TRANSPORT == TRANSPORT_DIFFUSE_INDIRECT) {
@@ -156,6 +171,12 @@ vec3 trace_path(Ray ray) {
             BsdfSample b;
             if (!bsdf_sample(s, front, wo, vec3(u, sample_1d(SET_LOBE, vertex)), lobes, b)) break;
             throughput *= b.weight;
+            if (b.lobe == LOBE_PANE) {
+                ray.origin = beyond(s, ray.direction);
+                ++vertex;
+                continue;
+            }
+            if (ends || !finds) break;
             ray.direction = b.direction;
             pdf = b.pdf;
             lobe = b.lobe;
@@ -166,9 +187,10 @@ vec3 trace_path(Ray ray) {
         if (behind) absorption = absorption_behind(s.material, front, absorption);
         covered = 0.0;
         ++depth;
+        uint here = vertex++;
         if (depth > params.roulette_depth) {
             float survival = min(max_component(throughput) * scale, 0.95);
-            if (sample_1d(SET_ROULETTE, vertex) >= survival) break;
+            if (sample_1d(SET_ROULETTE, here) >= survival) break;
             throughput /= survival;
         }
     }

@@ -23,6 +23,9 @@ layout(constant_id = 126) const bool CLEARCOAT_TEXTURES = true;
 layout(constant_id = 127) const bool ALPHA_BLEND = true;
 layout(constant_id = 128) const bool EMISSIVE_TRIANGLES = true;
 layout(constant_id = 129) const bool ENVIRONMENT = true;
+// Surfaces that let some of the light straight through: panes, and partial coverage.
+layout(constant_id = 131) const bool SHEER = true;
+layout(constant_id = 132) const bool PANES = true;
 // Clear coats and lobes rougher than a mirror are evaluated, by methods that could leave them out.
 layout(constant_id = 130) const bool GLOSSY = true;
 

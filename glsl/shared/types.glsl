@@ -25,6 +25,8 @@ const uint MATERIAL_UNLIT = 2u;
 const uint MATERIAL_ALPHA_MASK = 4u;
 const uint MATERIAL_SOLID = 8u; // transmits into a volume; a thin wall otherwise
 const uint MATERIAL_ALPHA_BLEND = 16u; // alpha is the share of light that meets the surface
+const uint MATERIAL_SHEER = 32u; // may let light straight through: a thin wall that transmits, or partial coverage
+const uint MATERIAL_SLAB = 64u; // a thin wall that stands for a slab; `absorption` is its optical depth
 const uint NO_TEXTURE = 0xffffffffu;
 
 struct Material {
@@ -34,7 +36,7 @@ struct Material {
     float roughness;
     vec3 specular_color;
     float specular;
-    vec3 absorption; // 1/m, inside a solid
+    vec3 absorption; // 1/m, inside a solid; of a slab its thickness (m) times that
     float metallic;
     float ior;
     float transmission;
@@ -152,12 +154,14 @@ struct SceneData {
     uint seed;
     uint specular_depth;
     float mirror_roughness;
+    float pane_roughness; // up to which thin walls that transmit are panes
     uint energy_conserving; // 0: dielectric and diffuse parts are mixed as published
     uint light_choice_count;
     float inverse_power; // 1/W, of all choices
     uvec2 environment_size;
     float inverse_area_power; // 1/W, of emissive triangles and the environment
     uint light_samples;       // shadow rays to those from a point; 0 where there are none
+    uint padding0;
 };
 
 #endif

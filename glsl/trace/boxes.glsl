@@ -2,7 +2,7 @@
 //
 // bool trace_any_box(vec3 origin, vec3 direction, float t_min, float t_max);   true: something blocks
 //
-// As trace_any, but for what blocks (trace/box.glsl) and for alpha, which boxes ignore. The host builds what VISIBILITY
+// As trace_any, but for what blocks (trace/box.glsl), for alpha, which boxes ignore, and for panes, which have none. The host builds what VISIBILITY
 // needs; where it is exact, this is trace_any.
 #ifndef TRACE_BOXES_GLSL
 #define TRACE_BOXES_GLSL
@@ -48,6 +48,7 @@ bool trace_any_box(vec3 origin, vec3 direction, float t_min, float t_max)
 bool triangles_box_blocks(Segment ray, uint index)
 {
     BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
+    if (PANES && (floatBitsToUint(triangles.word[3u * index + 2u].w) & LEAF_PANE) != 0u) return false;
     vec3 a = triangles.word[3u * index].xyz;
     vec3 b = triangles.word[3u * index + 1u].xyz;
     vec3 c = triangles.word[3u * index + 2u].xyz;

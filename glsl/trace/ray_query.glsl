@@ -24,16 +24,23 @@ bool proceed(rayQueryEXT query, uint flags, vec3 origin, vec3 direction, float t
     return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
 }
 
-bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
+Hit committed(rayQueryEXT query)
 {
-    rayQueryEXT query;
-    if (!proceed(query, gl_RayFlagsNoneEXT, origin, direction, t_min, t_max)) return false;
+    Hit hit;
     hit.t = rayQueryGetIntersectionTEXT(query, true);
     hit.instance = INSTANCED ? uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true)) : 0u;
     hit.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
     if (ALPHA_MASK && rayQueryGetIntersectionGeometryIndexEXT(query, true) > 0)
         hit.primitive += rayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetEXT(query, true);
     hit.barycentrics = rayQueryGetIntersectionBarycentricsEXT(query, true);
+    return hit;
+}
+
+bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
+{
+    rayQueryEXT query;
+    if (!proceed(query, gl_RayFlagsNoneEXT, origin, direction, t_min, t_max)) return false;
+    hit = committed(query);
     return true;
 }
 
@@ -42,5 +49,34 @@ bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
     rayQueryEXT query;
     return proceed(query, gl_RayFlagsTerminateOnFirstHitEXT, origin, direction, t_min, t_max);
 }
+
+struct Probe {
+    vec3 origin;
+    vec3 direction;
+};
+
+Probe probe(vec3 origin, vec3 direction) { return Probe(origin, direction); }
+
+Hit last_met;
+
+bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met)
+{
+    rayQueryEXT query;
+    met = 0u;
+    uint flags = nearest ? gl_RayFlagsNoneEXT : gl_RayFlagsTerminateOnFirstHitEXT;
+    if (!proceed(query, flags, ray.origin, ray.direction, t_min, t)) return false;
+    last_met = committed(query);
+    t = last_met.t;
+    return true;
+}
+
+bool is_sheer(Probe ray, uint met)
+{
+    uint first = InstanceArray(scene.instances)[last_met.instance].at.first_triangle;
+    uint material = TriangleArray(scene.triangles)[first + last_met.primitive].at.material & ~TRIANGLE_MIRRORED;
+    return (MaterialArray(scene.materials)[material].at.flags & MATERIAL_SHEER) != 0u;
+}
+
+Hit hit_of(Probe ray, uint met, float t) { return last_met; }
 
 #endif

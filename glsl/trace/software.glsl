@@ -173,6 +173,11 @@ struct TriangleRay {
     vec3 origin;
 };
 
+// Last word of a triangle in a leaf: bits. Twin: accel::software.
+const uint LEAF_MASKED = 1u;
+const uint LEAF_SHEER = 2u;
+const uint LEAF_PANE = 4u;
+
 bool meets(TriangleRay ray, uint index, uint best, float t_min, float t_max, out float t)
 {
     vec4 a = ray.triangles.word[3u * index];
@@ -186,7 +191,7 @@ bool meets(TriangleRay ray, uint index, uint best, float t_min, float t_max, out
         uvec2 id = floatBitsToUint(vec2(a.w, b.w));
         met = best != NONE && !precedes(triangle_id(ray.triangles, 3u * best), id);
     }
-    if (ALPHA_MASK && met && floatBitsToUint(c.w) != 0u) {
+    if (ALPHA_MASK && met && (floatBitsToUint(c.w) & LEAF_MASKED) != 0u) {
         met = !alpha_hole(floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
     }
     return met;
@@ -196,19 +201,23 @@ bool meets(TriangleRay ray, uint index, uint best, float t_min, float t_max, out
 #include "trace/traverse.glsl"
 #undef RAY
 
+// Barycentrics are worked out again rather than kept in registers all along.
+Hit hit_of(TriangleRay ray, uint best, float t)
+{
+    vec4 a = ray.triangles.word[3u * best];
+    vec4 b = ray.triangles.word[3u * best + 1u];
+    vec4 c = ray.triangles.word[3u * best + 2u];
+    vec3 t_barycentrics;
+    intersect(ray.frame, a.xyz - ray.origin, b.xyz - ray.origin, c.xyz - ray.origin, t_barycentrics);
+    return Hit(t, floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
+}
+
 bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
 {
     TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
     uint best = traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, false);
     if (best == NONE) return false;
-
-    // Barycentrics are worked out again rather than kept in registers all along.
-    vec4 a = ray.triangles.word[3u * best];
-    vec4 b = ray.triangles.word[3u * best + 1u];
-    vec4 c = ray.triangles.word[3u * best + 2u];
-    vec3 t_barycentrics;
-    intersect(ray.frame, a.xyz - origin, b.xyz - origin, c.xyz - origin, t_barycentrics);
-    hit = Hit(t_max, floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
+    hit = hit_of(ray, best, t_max);
     return true;
 }
 
@@ -217,5 +226,28 @@ bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
     TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
     return traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, true) != NONE;
 }
+
+struct Probe {
+    NodeRay node;
+    TriangleRay triangle;
+};
+
+Probe probe(vec3 origin, vec3 direction)
+{
+    return Probe(node_ray(origin, direction), TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin));
+}
+
+bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met)
+{
+    met = traverse(BvhNodes(scene.bvh_nodes), ray.node, ray.triangle, t_min, t, !nearest);
+    return met != NONE;
+}
+
+bool is_sheer(Probe ray, uint met)
+{
+    return (floatBitsToUint(ray.triangle.triangles.word[3u * met + 2u].w) & LEAF_SHEER) != 0u;
+}
+
+Hit hit_of(Probe ray, uint met, float t) { return hit_of(ray.triangle, met, t); }
 
 #endif

@@ -4,7 +4,14 @@
 // bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit);
 // bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max);   true: something blocks
 //
-// The third function, trace_any_box, is in trace/boxes.glsl.
+// For lib/visibility.glsl, which asks sheer surfaces how much light they let straight through:
+//
+// Probe probe(vec3 origin, vec3 direction);
+// bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met);   before t, which becomes where if nearest
+// bool is_sheer(Probe ray, uint met);                                             of what was met last
+// Hit hit_of(Probe ray, uint met, float t);
+//
+// One more function, trace_any_box, is in trace/boxes.glsl.
 //
 // Directions have any length but zero; t counts in it. A hit has t_min < t < t_max; t_max may be infinite.
 // Triangles are hit from both sides. Holes of alpha-masked surfaces are not hit, in either function; what is a

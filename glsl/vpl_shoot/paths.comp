@@ -6,6 +6,7 @@ layout(local_size_x = 64) in;
 #include "lib/lights.glsl"
 #include "lib/media.glsl"
 #include "lib/sampling.glsl"
+#include "lib/sheer.glsl"
 #include "trace/offset.glsl"
 #include "trace/trace.glsl"
 
@@ -113,10 +114,23 @@ void main() {
             Surface surface = surface_at(hit);
             bool front = face(surface, -direction);
             flux *= transmittance(absorption, distance(origin, surface.position));
+            float covered = coverage(surface.material);
+            if (covered < 1.0 && unit_float(hash(hash(scene.seed, path), rays)) >= covered) {
+                origin = beyond(surface, direction);
+                continue;
+            }
             float cos_s = max(0.0, -dot(direction, surface.normal));
             float cos_g = -dot(direction, surface.geometric_normal);
-            vec3 albedo = diffuse_albedo(surface.material);
-            if (albedo != vec3(0.0) && !is_glass(surface.material)) {
+            bool pane = is_pane(surface.material);
+            vec3 albedo = vpl_albedo(surface.material, min(cos_s, 1.0), front);
+            if (pane && albedo != vec3(0.0)) {
+                Split split = split_light(surface.material, min(cos_s, 1.0), front);
+                float p = sum(albedo) / (sum(albedo) + sum(split.reflected) + sum(split.transmitted));
+                bool scatters = unit_float(hash(hash(scene.seed, path), rays, 1u)) < p;
+                flux /= scatters ? p : 1.0 - p;
+                if (!scatters) albedo = vec3(0.0);
+            }
+            if (albedo != vec3(0.0)) {
                 // The correction makes light paths equal camera paths where normals are interpolated.
                 flux *= albedo * (cos_g > 0.0 ? cos_s / cos_g : 0.0);
                 slots.data[path * params.bounces + bounce] =
@@ -128,18 +142,20 @@ void main() {
                 specular = 0u;
                 continue;
             }
-            // Mirrors and glass leave no VPL: the path goes on one way, chosen by its share of the light.
-            if (++specular > scene.specular_depth) break;
+            // Mirrors and glass leave no VPL: the path goes on one way, chosen by its share of the light. Through a pane is
+            // no bounce.
+            if (!pane && ++specular > scene.specular_depth) break;
             Split split = split_light(surface.material, min(cos_s, 1.0), front);
             float r = dot(split.reflected, vec3(1.0)), t = dot(split.transmitted, vec3(1.0));
             if (r + t <= 0.0) break;
             float p = r / (r + t);
             if (unit_float(hash(scene.seed, path, rays)) < p) {
+                if (pane && ++specular > scene.specular_depth) break;
                 flux *= split.reflected / p;
                 direction = reflect_above(direction, surface.normal, surface.geometric_normal);
                 origin = offset_origin(surface.position, surface.geometric_normal);
             } else {
-                flux *= split.transmitted / (1.0 - p);
+                flux *= (pane ? pane_share(surface, direction) : split.transmitted) / (1.0 - p);
                 direction = transmit(surface.material, direction, surface.normal, front);
                 origin = offset_origin(surface.position, -surface.geometric_normal);
                 absorption = absorption_behind(surface.material, front, absorption);

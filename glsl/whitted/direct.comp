@@ -27,18 +27,18 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     if (!CONTINUES) {
         for (uint i = 0u; i < scene.light_count; ++i) {
-            vec3 source, arriving, direction;
+            vec3 source, light_here, direction;
             Light light = LightArray(scene.lights)[i].at;
             if (GLOSSY) {
-                arriving = perpendicular(light, x.position, source, direction);
-                if (arriving != vec3(0.0)) arriving *= scattered(glossy, direction, LOBES_LIT);
+                light_here = perpendicular(light, x.position, source, direction);
+                if (light_here != vec3(0.0)) light_here *= scattered(glossy, direction, LOBES_LIT);
             } else {
-                arriving = unshadowed(light, x, source);
+                light_here = unshadowed(light, x, source);
             }
-            if (arriving == vec3(0.0)) continue;
-            arriving = shadowed(arriving, visibility(origin, source, rays));
-            if (GLOSSY) radiance += arriving;
-            else irradiance += arriving;
+            if (light_here == vec3(0.0)) continue;
+            light_here = arriving(light_here, origin, source, rays);
+            if (GLOSSY) radiance += light_here;
+            else irradiance += light_here;
         }
     }
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
@@ -51,8 +51,7 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT);
             else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
-            vec3 visible = visibility(origin, light.direction, light.distance, false, rays);
-            sampled += shadowed(share * light.radiance_over_pdf, visible);
+            sampled += arriving(share * light.radiance_over_pdf, origin, light.direction, light.distance, rays);
         }
         sampled /= float(max(scene.light_samples, 1u));
         if (GLOSSY) radiance += sampled;
@@ -73,9 +72,13 @@ void main() {
         vec3 to_viewer = direction_to_camera(surface.position);
         bool front = face(surface, to_viewer);
         if (!CONTINUES) radiance = emitted_radiance(surface.material, front);
+        if (ALPHA_BLEND) radiance *= coverage(surface.material);
         vec3 reflectance = imageLoad(albedo, pixel).rgb;
         if (GLOSSY || reflectance != vec3(0.0)) {
-            radiance += reflected(surface, front, to_viewer, reflectance, area_seed(uvec2(pixel)), rays);
+            vec3 sent = reflected(surface, front, to_viewer, reflectance, area_seed(uvec2(pixel)), rays);
+            // Albedo has its share of coverage, lobes have not.
+            if (ALPHA_BLEND && GLOSSY) sent *= coverage(surface.material);
+            radiance += sent;
         }
     } else if (ENVIRONMENT && !CONTINUES) {
         radiance = environment_radiance(camera_ray(uvec2(pixel)).direction);

@@ -49,10 +49,8 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
             if (c.light == vec3(0.0)) continue;
         }
         // One copy of the exact one where that is all there is.
-        vec3 visible;
-        if (VISIBILITY != VISIBILITY_EXACT && is_vpl) visible = vpl_visibility(c.from, c.to, rays);
-        else visible = visibility(c.from, c.to, rays);
-        sum += shadowed(c.light, visible);
+        if (VISIBILITY != VISIBILITY_EXACT && is_vpl) sum += arriving_vpl(c, rays);
+        else sum += arriving(c.light, c.from, c.to, rays);
     }
     return sum;
 }

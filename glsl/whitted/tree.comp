@@ -9,6 +9,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
 #include "lib/media.glsl"
+#include "lib/sheer.glsl"
 #include "whitted/reached.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
@@ -38,8 +39,11 @@ struct Branch {
     uint depth;
 };
 
-// Depth first: every level leaves at most one branch behind, two where glass has a clear coat.
-const uint MAX_PENDING = GLOSSY ? 2u * MAX_SPECULAR_DEPTH + 1u : MAX_SPECULAR_DEPTH + 1u;
+// Depth first: every level leaves at most one branch behind, one more where glass has a clear coat and one where surfaces
+// are sheer.
+const uint MAX_PENDING = SHEER ? 3u * MAX_SPECULAR_DEPTH + 2u : GLOSSY ? 2u * MAX_SPECULAR_DEPTH + 1u : MAX_SPECULAR_DEPTH + 1u;
+// Reflections between panes that bring less of their light to the eye are left out: they double with every pane.
+const float FAINT = 1e-5;
 Branch pending[MAX_PENDING];
 uint pending_count = 0u;
 
@@ -49,8 +53,14 @@ void push(Branch branch) {
 
 // `incoming` points at the surface, which faces against it; `absorption` is that of the medium in front.
 void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 absorption, uint depth) {
-    if (depth >= scene.specular_depth) return;
     Material material = surface.material;
+    if (SHEER) {
+        // Through is no bounce. It comes after all that branches off here: no depth has two of its kind waiting.
+        push(Branch(beyond(surface, incoming), incoming, throughput * passing(surface, incoming), absorption, depth));
+        throughput *= coverage(material);
+    }
+    if (depth >= scene.specular_depth) return;
+    bool pane = is_pane(material);
     float cos_i = clamp(-dot(surface.normal, incoming), 0.0, 1.0);
     float beneath = beneath_coat(surface, front, -incoming);
     vec3 coated = throughput;
@@ -63,12 +73,12 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
                         coated * (1.0 - beneath), absorption, depth + 1u));
         }
     }
-    if (split.reflected != vec3(0.0)) {
+    if (split.reflected != vec3(0.0) && !(pane && max_component(throughput * split.reflected) < FAINT)) {
         vec3 direction = reflect_above(incoming, surface.normal, surface.geometric_normal);
         push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
                     throughput * split.reflected, absorption, depth + 1u));
     }
-    if (GLASS && split.transmitted != vec3(0.0)) {
+    if (GLASS && !pane && split.transmitted != vec3(0.0)) {
         push(Branch(offset_origin(surface.position, -surface.geometric_normal),
                     transmit(material, incoming, surface.normal, front), throughput * split.transmitted,
                     absorption_behind(material, front, absorption), depth + 1u));
@@ -100,14 +110,16 @@ void main() {
         bool front = face(surface, -branch.direction);
         vec3 throughput = branch.throughput;
         throughput *= transmittance(branch.absorption, distance(branch.origin, surface.position));
-        radiance += throughput * emitted_radiance(surface.material, front);
+        vec3 covered = throughput;
+        if (ALPHA_BLEND) covered *= coverage(surface.material);
+        radiance += covered * emitted_radiance(surface.material, front);
         float cos_i = clamp(-dot(surface.normal, branch.direction), 0.0, 1.0);
-        vec3 reflected = throughput * diffuse_share(surface.material, cos_i, front) / PI;
+        vec3 reflected = covered * diffuse_share(surface.material, cos_i, front) / PI;
         Lit lit;
         if (GLOSSY) {
             lit.glossy = glossy_surface(surface, front, -branch.direction);
             bool scatters = has_glossy_lobe(lit.glossy) || lit.glossy.layers.diffuse != vec3(0.0);
-            reflected = scatters ? throughput : vec3(0.0);
+            reflected = scatters ? covered : vec3(0.0);
         }
         if (reflected != vec3(0.0)) {
             // Where in the list a point lies never shows: each pixel sums its own in its own order.

@@ -1,7 +1,7 @@
 //! Triangles' bounding boxes in the world: what imperfect visibility tests in place of triangles (Marques and
 //! Santos 2010, §4.1), whole or split.
 
-use super::{Error, Geometry};
+use super::{Error, Geometry, WorldTriangle};
 use glam::{DVec3, Vec3};
 
 /// Most boxes that splitting may add to the one of each triangle: 200 MB on the device.
@@ -41,7 +41,7 @@ impl Bounds {
     }
 }
 
-/// The boxes of all world triangles that have area, instances flattened.
+/// The boxes of all world triangles that have area, panes left out, instances flattened.
 #[derive(Clone, Debug, Default)]
 pub struct Boxes {
     /// In order of instance and primitive; the pieces of one triangle follow each other.
@@ -60,7 +60,8 @@ impl Boxes {
     pub fn of(geometry: &Geometry, options: &BoxOptions) -> Result<Self, Error> {
         let limit = geometry.world_triangle_count() + MAX_SPLIT_BOXES;
         let mut boxes = Self::default();
-        for triangle in geometry.world_triangles().filter(|triangle| super::has_area(triangle.vertices)) {
+        let blocks = |triangle: &WorldTriangle| !triangle.blocks.pane && super::has_area(triangle.vertices);
+        for triangle in geometry.world_triangles().filter(blocks) {
             match options.split {
                 None => boxes.bounds.push(Bounds::of(triangle.vertices)),
                 Some(longest) => split(triangle.vertices, longest, limit, &mut boxes.bounds)?,

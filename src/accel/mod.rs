@@ -21,7 +21,7 @@ pub use report::StructureReport;
 pub use structure::Structure;
 
 use crate::ErrorClass;
-use crate::scene::{AlphaMode, Scene};
+use crate::scene::{AlphaMode, Material, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
 
@@ -41,7 +41,7 @@ pub struct Geometry {
 }
 
 /// A triangle in the [`Scene`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Source {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
@@ -49,6 +49,8 @@ pub struct Source {
     pub triangle: u32,
     /// Index into [`Scene::instances`]; for a mesh used more than once, its first.
     pub instance: u32,
+    /// How it blocks rays.
+    pub blocks: Blocks,
 }
 
 /// Consecutive triangles that are placed together.
@@ -82,8 +84,29 @@ pub struct WorldTriangle {
     pub instance: u32,
     /// Index into the instance's range.
     pub primitive: u32,
-    /// Whether hits must ask the material's alpha.
+    /// How it blocks rays.
+    pub blocks: Blocks,
+}
+
+/// What a ray must ask of a triangle that it meets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Blocks {
+    /// Whether there are holes, by the material's alpha.
     pub masked: bool,
+    /// Whether some light may go straight through.
+    pub sheer: bool,
+    /// Whether all of it is a pane, which imperfect visibility leaves out.
+    pub pane: bool,
+}
+
+impl Blocks {
+    fn of(material: &Material) -> Self {
+        Self {
+            masked: matches!(material.alpha_mode, AlphaMode::Mask { .. }),
+            sheer: material.may_be_sheer(),
+            pane: material.is_pane(),
+        }
+    }
 }
 
 /// A structure that cannot be built.
@@ -153,23 +176,19 @@ impl Geometry {
         at_most("triangles", triangles, u64::from(u32::MAX))?;
         at_most("instances", scene.instances.len() as u64, u64::from(u32::MAX) - 1)?;
 
-        let masked: Vec<bool> = scene
-            .materials
-            .iter()
-            .map(|material| matches!(material.alpha_mode, AlphaMode::Mask { .. }))
-            .collect();
+        let blocks: Vec<Blocks> = scene.materials.iter().map(Blocks::of).collect();
         let mut geometry = Self::default();
         geometry.instances.push(Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX });
 
         let once: Vec<Part> = parts(scene).filter(|part| uses[part.mesh as usize] == 1).collect();
-        geometry.append(scene, &once, &masked, |part, point| {
+        geometry.append(scene, &once, &blocks, |part, point| {
             world_position(&scene.instances[part.instance as usize].transform, point)
         });
 
         let mut range_of = vec![None; scene.meshes.len()];
         for part in parts(scene).filter(|part| uses[part.mesh as usize] > 1) {
             let mesh = *range_of[part.mesh as usize]
-                .get_or_insert_with(|| geometry.append(scene, &[part], &masked, |_, point| point));
+                .get_or_insert_with(|| geometry.append(scene, &[part], &blocks, |_, point| point));
             let transform = scene.instances[part.instance as usize].transform;
             geometry.instances.push(Placed { mesh, transform, instance: part.instance });
         }
@@ -181,7 +200,7 @@ impl Geometry {
         &mut self,
         scene: &Scene,
         parts: &[Part],
-        masked: &[bool],
+        blocks: &[Blocks],
         place: impl Fn(&Part, Vec3) -> Vec3,
     ) -> u32 {
         let first_triangle = self.triangles.len() as u32;
@@ -197,12 +216,14 @@ impl Geometry {
                 for (index, corners) in mesh.triangles.iter().enumerate() {
                     let corners = corners.map(|corner| base + corner);
                     let has_area = has_area(corners.map(|corner| self.positions[corner as usize]));
-                    if has_area && masked[mesh.materials[index] as usize] == want_masked {
+                    let blocks = blocks[mesh.materials[index] as usize];
+                    if has_area && blocks.masked == want_masked {
                         self.triangles.push(corners);
                         self.source.push(Source {
                             mesh: part.mesh,
                             triangle: index as u32,
                             instance: part.instance,
+                            blocks,
                         });
                     }
                 }
@@ -227,20 +248,15 @@ impl Geometry {
         self.instances.iter().zip(0..).flat_map(move |(placed, instance)| {
             let range = self.meshes[placed.mesh as usize];
             (0..range.triangle_count).map(move |primitive| {
-                let corners = self.triangles[(range.first_triangle + primitive) as usize];
+                let index = (range.first_triangle + primitive) as usize;
+                let corners = self.triangles[index];
                 let vertices = corners.map(|corner| {
                     let point = self.positions[corner as usize];
                     if instance == 0 { point } else { world_position(&placed.transform, point) }
                 });
-                WorldTriangle { vertices, instance, primitive, masked: primitive >= range.masked_from }
+                WorldTriangle { vertices, instance, primitive, blocks: self.source[index].blocks }
             })
         })
-    }
-
-    /// Whether any triangle is alpha-masked.
-    #[must_use]
-    pub fn any_masked(&self) -> bool {
-        self.meshes.iter().any(|range| range.masked_from < range.triangle_count)
     }
 
     /// The largest number that enters the computation of a world position (m): world coordinates, and of
@@ -308,7 +324,7 @@ fn at_most(what: &'static str, count: u64, limit: u64) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Instance, Material, Mesh};
+    use crate::scene::{Instance, Mesh};
     use glam::vec3;
 
     fn mesh(height: f32, materials: &[u32]) -> Mesh {
@@ -359,12 +375,11 @@ mod tests {
         );
         let sources: Vec<_> = geometry.source.iter().map(|s| (s.mesh, s.triangle, s.instance)).collect();
         assert_eq!(sources, [(1, 1, 0), (0, 0, 2), (0, 2, 2), (1, 0, 0), (0, 1, 2), (2, 0, 1)]);
-        assert!(geometry.any_masked());
         assert_eq!(geometry.world_triangle_count(), 7);
 
         let world: Vec<_> = geometry.world_triangles().collect();
         assert_eq!(world.len(), 7);
-        let ids: Vec<_> = world.iter().map(|t| (t.instance, t.primitive, t.masked)).collect();
+        let ids: Vec<_> = world.iter().map(|t| (t.instance, t.primitive, t.blocks.masked)).collect();
         let merged = [(0, 0, false), (0, 1, false), (0, 2, false), (0, 3, true), (0, 4, true)];
         assert_eq!(ids, [&merged[..], &[(1, 0, false), (2, 0, false)]].concat());
         for triangle in &world {

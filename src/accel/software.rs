@@ -9,7 +9,7 @@
 //! Instances are flattened: 48 bytes a triangle and about 25 of nodes.
 
 use super::boxes::{Bounds, Boxes};
-use super::{Error, Geometry, WorldTriangle};
+use super::{Blocks, Error, Geometry, WorldTriangle};
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
@@ -34,6 +34,13 @@ const REINSERTIONS: f32 = 256.0;
 const SAH_DEPTH: u32 = 64;
 const BINS: usize = 64;
 
+/// Bit of [`LeafTriangle::blocks`]: there may be a hole, by the material's alpha.
+pub const MASKED: u32 = crate::shaders::LEAF_MASKED;
+/// Some light may go straight through.
+pub const SHEER: u32 = crate::shaders::LEAF_SHEER;
+/// All of it is a pane.
+pub const PANE: u32 = crate::shaders::LEAF_PANE;
+
 /// A triangle in leaf order, as `glsl/trace/software.glsl` reads it: three 16-byte words.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -48,8 +55,8 @@ pub struct LeafTriangle {
     pub primitive: u32,
     /// Third vertex (m).
     pub c: [f32; 3],
-    /// 1 where hits must ask the material's alpha.
-    pub masked: u32,
+    /// What a ray must ask of it: [`MASKED`], [`SHEER`] and [`PANE`].
+    pub blocks: u32,
 }
 
 /// Nodes and triangles, ready for the device.
@@ -180,6 +187,11 @@ fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
     of
 }
 
+fn blocks_bits(blocks: Blocks) -> u32 {
+    let bit = |holds, bit| if holds { bit } else { 0 };
+    bit(blocks.masked, MASKED) | bit(blocks.sheer, SHEER) | bit(blocks.pane, PANE)
+}
+
 fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
     let [a, b, c] = triangle.vertices.map(|vertex| vertex.to_array());
     LeafTriangle {
@@ -188,7 +200,7 @@ fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
         b,
         primitive: triangle.primitive,
         c,
-        masked: triangle.masked.into(),
+        blocks: blocks_bits(triangle.blocks),
     }
 }
 
@@ -384,7 +396,7 @@ fn grid_exponent(extent: f64) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::{MeshRange, Placed};
+    use crate::accel::{MeshRange, Placed, Source};
     use glam::{Affine3A, vec3};
     use proptest::prelude::*;
 
@@ -393,7 +405,7 @@ mod tests {
         Geometry {
             positions: triangles.iter().flatten().copied().collect(),
             triangles: (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
-            source: Vec::new(),
+            source: vec![Source::default(); triangles.len()],
             meshes: vec![MeshRange { first_triangle: 0, triangle_count: count, masked_from: count }],
             instances: vec![Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX }],
         }

@@ -8,9 +8,9 @@ use crate::scene::{
 };
 use crate::shaders::{
     self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
-    MATERIAL_DOUBLE_SIDED, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE, SceneData, TEXTURE_NEAREST,
-    TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_U_SHIFT,
-    TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
+    MATERIAL_DOUBLE_SIDED, MATERIAL_SHEER, MATERIAL_SLAB, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE,
+    SceneData, TEXTURE_NEAREST, TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR,
+    TEXTURE_WRAP_U_SHIFT, TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
 };
 use crate::vk;
 use emitter::{Emitter, EnvironmentTable};
@@ -189,14 +189,18 @@ impl GpuScene {
             if material.alpha_mode == AlphaMode::Blend {
                 flags |= MATERIAL_ALPHA_BLEND;
             }
+            if material.may_be_sheer() {
+                flags |= MATERIAL_SHEER;
+            }
             let coat = material.clearcoat.filter(|_| !material.unlit).unwrap_or_default();
             let scale = |map: Option<NormalMap>| map.map_or(1.0, |map| map.scale);
             let mut absorption = Vec3::ZERO;
             if let Some(volume) = material.volume.filter(|_| material.may_transmit()) {
                 flags |= MATERIAL_SOLID;
-                // Beer–Lambert: attenuation_color = exp(−σ · attenuation_distance).
-                let color = volume.attenuation_color.max(Vec3::splat(1e-10));
-                absorption = -color.map(f32::ln) / volume.attenuation_distance;
+                absorption = volume.absorption();
+            } else if let Some(depth) = material.slab {
+                flags |= MATERIAL_SLAB;
+                absorption = depth;
             }
             materials.push(shaders::Material {
                 base_color: material.base_color.truncate().to_array(),

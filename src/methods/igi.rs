@@ -45,6 +45,7 @@ pub static METHOD: Method = Method {
         5.0 + f64::from(config.vpl_shoot.vpls) / (side * side)
     },
     comparable: |_, _| (),
+    pane_roughness: |config| config.whitted.mirror_roughness,
     sweeps: Sweeps { small: SMALL, paper: PAPER, full: FULL, probe: SMALL, finer: FINER },
     diffuse_indirect: |_| Some(Aov::Indirect),
     trials: TRIALS,

@@ -58,6 +58,8 @@ pub struct Method {
     pub costless: &'static [Feature],
     /// What pixels depend on.
     pub reach: fn(&RenderConfig) -> Reach,
+    /// Perceptual roughness up to which thin walls that transmit are panes, which let light straight through.
+    pub pane_roughness: fn(&RenderConfig) -> f32,
     /// Changes settings so that the picture, or the layer that is returned, is light that diffuse surfaces reflect of what
     /// others scattered, alone.
     pub diffuse_indirect: fn(&mut RenderConfig) -> Option<Aov>,

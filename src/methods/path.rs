@@ -8,6 +8,7 @@ use super::option::{BOUNCES, CliOption, OptionGroup, OptionValue};
 use super::trial::{Trial, fails, holds};
 use super::{Aov, Conditional, FrameInfo, Layers, Method, Progressive, Reach, Sweeps};
 use crate::graph::Graph;
+use crate::scene::DELTA_ROUGHNESS;
 use crate::techniques::path_trace::{PixelFilter, Transport};
 use crate::techniques::setting::BadValue;
 use crate::techniques::{Kernels, compose, gbuffer, path_trace};
@@ -47,6 +48,7 @@ pub static METHOD: Method = Method {
         config.path_trace.pixel_filter = PixelFilter::Center;
         config.path_trace.max_depth = max_depth.or(config.path_trace.max_depth);
     },
+    pane_roughness: |_| DELTA_ROUGHNESS,
     sweeps: Sweeps {
         small: "
             [[sweep]]

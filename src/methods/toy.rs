@@ -56,6 +56,7 @@ pub(super) static METHOD: Method = Method {
     reach: |_| Reach { pixels: 0, cell: 1 },
     cost: |_| 1.0,
     comparable: |_, _| (),
+    pane_roughness: |_| 0.0,
     sweeps: Sweeps {
         small: "
             [[sweep]]

@@ -161,6 +161,8 @@ impl Prepared {
         crate::shaders::SceneSpec {
             mirrors: true,
             glass: true,
+            panes: true,
+            sheer: true,
             volumes: true,
             spot_lights: true,
             directional_lights: true,

@@ -96,6 +96,7 @@ impl Renderer {
             seed: config.seed,
             specular_depth: config.whitted.specular_depth,
             mirror_roughness: config.whitted.mirror_roughness,
+            pane_roughness: (config.method.pane_roughness)(config),
             energy_conserving: config.energy_conserving.into(),
             light_samples: if resident.area_lights() { config.whitted.light_samples } else { 0 },
             ..resident.data()

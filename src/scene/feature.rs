@@ -33,6 +33,8 @@ pub enum Feature {
     Mirrors,
     /// Glass: rays that follow it.
     Glass,
+    /// Panes that shadow rays pass.
+    Panes,
     /// Solid glass.
     Volumes,
     /// Alpha masks.
@@ -73,6 +75,7 @@ impl Feature {
         Self::Instanced,
         Self::Mirrors,
         Self::Glass,
+        Self::Panes,
         Self::Volumes,
         Self::AlphaMask,
         Self::AlphaBlend,
@@ -104,6 +107,7 @@ impl Feature {
             Self::Instanced => "instances",
             Self::Mirrors => "mirrors",
             Self::Glass => "glass",
+            Self::Panes => "panes",
             Self::Volumes => "solid glass",
             Self::AlphaMask => "alpha masks",
             Self::AlphaBlend => "blended alpha",
@@ -138,6 +142,7 @@ impl SceneProfile {
             Feature::Instanced => &mut self.instanced,
             Feature::Mirrors => &mut self.mirrors,
             Feature::Glass => &mut self.glass,
+            Feature::Panes => &mut self.panes,
             Feature::Volumes => &mut self.volumes,
             Feature::AlphaMask => &mut self.alpha_mask,
             Feature::AlphaBlend => &mut self.alpha_blend,

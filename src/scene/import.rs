@@ -1,6 +1,6 @@
 //! What the importers share: their options, and the last steps of a load.
 
-use super::{MAX_VERTICES, Mesh, Scene, SceneError, validate};
+use super::{MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
 use glam::{Affine3A, Vec3};
 use std::path::Path;
 
@@ -12,13 +12,14 @@ pub struct LoadOptions {
 }
 
 /// What remains to be done once a file is read: drops zero-area triangles and what is empty without them, bakes
-/// transforms that flatten, adds a camera where there is none, and validates.
+/// transforms that flatten, makes panes of flat slabs, adds a camera where there is none, and validates.
 pub(super) fn finish(mut scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
     let mut dropped: usize = scene.meshes.iter_mut().map(drop_zero_area).sum();
     dropped += bake_flattening(&mut scene).map_err(|problem| SceneError::new(file, element, problem))?;
     if dropped > 0 {
         scene.notes.push(format!("{dropped} triangles of zero area are left out"));
     }
+    slab::become_panes(&mut scene);
     drop_empty(&mut scene);
     if scene.instances.is_empty() {
         let why = scene.notes.iter().map(|note| format!("; {note}")).collect::<String>();

@@ -32,6 +32,9 @@ pub struct Material {
     pub transmission_texture: Option<TextureRef>,
     /// A solid body that refracts (`KHR_materials_volume` with thickness > 0); a thin wall otherwise.
     pub volume: Option<Volume>,
+    /// Set where this thin wall stands for a flat slab of a volume: its optical depth across, by channel. Light passes and
+    /// is reflected as by the slab with all that goes to and fro in it; `base_color` is that of both faces together.
+    pub slab: Option<Vec3>,
     /// Factor on the dielectric reflection (`KHR_materials_specular`).
     pub specular: f32,
     /// That factor in alpha.
@@ -66,6 +69,7 @@ impl Default for Material {
             transmission: 0.0,
             transmission_texture: None,
             volume: None,
+            slab: None,
             specular: 1.0,
             specular_texture: None,
             specular_color: Vec3::ONE,
@@ -100,6 +104,16 @@ impl Material {
     /// Whether light may pass through some of it.
     pub(crate) fn may_transmit(&self) -> bool {
         !self.unlit && self.transmission > 0.0 && self.may_be_dielectric()
+    }
+
+    /// Whether some of it may let light straight through: a thin wall that transmits, or partial coverage.
+    pub(crate) fn may_be_sheer(&self) -> bool {
+        self.alpha_mode == AlphaMode::Blend || self.may_transmit() && self.volume.is_none()
+    }
+
+    /// Whether all of it is a pane at the default `mirror_roughness`: what imperfect visibility leaves out.
+    pub(crate) fn is_pane(&self) -> bool {
+        self.may_transmit() && self.volume.is_none() && self.roughness <= 0.1
     }
 
     /// Whether some of it may have a diffuse base that is not black.
@@ -191,6 +205,14 @@ pub struct Volume {
     pub attenuation_color: Vec3,
 }
 
+impl Volume {
+    /// What it absorbs (1/m), by Beer and Lambert: `attenuation_color` is left after `attenuation_distance`.
+    #[must_use]
+    pub fn absorption(&self) -> Vec3 {
+        -self.attenuation_color.max(Vec3::splat(1e-10)).map(f32::ln) / self.attenuation_distance
+    }
+}
+
 /// What a surface's alpha means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {
@@ -201,7 +223,7 @@ pub enum AlphaMode {
         /// Alpha from which the surface exists.
         cutoff: f32,
     },
-    /// Partial coverage; treated as opaque by methods that do not model it, said in the scene's notes.
+    /// Partial coverage: alpha is the share of light that meets the surface.
     Blend,
 }
 

@@ -15,6 +15,7 @@ mod limits;
 mod material;
 mod mesh;
 mod profile;
+mod slab;
 mod tangent;
 mod validate;
 mod world;
@@ -36,6 +37,7 @@ pub use material::{
 };
 pub(crate) use material::{TextureUse, srgb_to_linear};
 pub use mesh::{Instance, Mesh};
+pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;
 pub use world::Scene;
 

@@ -388,9 +388,6 @@ impl<'a> Reader<'a> {
             let words: Vec<String> = self.skipped.into_iter().take(16).collect();
             scene.notes.push(format!("statements left out: {}", words.join(", ")));
         }
-        if scene.materials.iter().any(|material| material.alpha_mode == AlphaMode::Blend) {
-            scene.notes.push("blended materials are shown opaque".into());
-        }
         import::finish(scene, self.path, "file")
     }
 }

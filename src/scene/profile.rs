@@ -44,6 +44,8 @@ pub struct SceneProfile {
     pub glass: bool,
     /// Those with a rough surface.
     pub rough_glass: bool,
+    /// Those that are thin walls smooth enough to let light straight through.
+    pub panes: bool,
     /// Transmitting materials that are solid bodies.
     pub volumes: bool,
     /// Materials with holes.
@@ -69,6 +71,10 @@ pub struct SceneProfile {
     /// Light from infinitely far around.
     pub environment: bool,
 }
+
+/// Perceptual roughness up to which every method takes a lobe for one direction: its square stays below `DELTA_ALPHA` of
+/// `glsl/lib/bsdf.glsl`.
+pub(crate) const DELTA_ROUGHNESS: f32 = 0.009_999;
 
 impl SceneProfile {
     /// Reads the profile off a valid scene; specular lobes of at most `mirror_roughness` (0…1) are mirrors. A texture
@@ -159,6 +165,8 @@ impl SceneProfile {
         self.rough_lobes |= specular && !smooth;
         self.glass |= glass;
         self.rough_glass |= glass && !smooth;
+        let straight = smooth || textured || material.roughness <= DELTA_ROUGHNESS;
+        self.panes |= glass && material.volume.is_none() && straight;
         self.volumes |= glass && material.volume.is_some();
     }
 
@@ -181,6 +189,7 @@ impl SceneProfile {
             (!self.mirrors && !self.glass, "no mirrors or glass: no specular bounces"),
             (self.mirrors && !self.glass, "no glass: no refraction"),
             (self.glass && !self.volumes, "no solid glass: panes are crossed straight, no absorption"),
+            (self.glass && !self.panes, "no smooth thin panes: glass blocks shadow rays"),
             (any && !self.textures, "no textures of base colour"),
             (!any, "no textures: no sampling, no texture coordinates"),
             (

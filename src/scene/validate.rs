@@ -46,6 +46,9 @@ impl Material {
             }
             all_within("attenuation colour", &volume.attenuation_color.to_array(), 0.0, 1.0)?;
         }
+        if let Some(depth) = self.slab {
+            all_within("optical depth of a slab", &depth.to_array(), 0.0, f32::INFINITY)?;
+        }
         if let AlphaMode::Mask { cutoff } = self.alpha_mode {
             within("alpha cutoff", cutoff, 0.0, f32::INFINITY)?;
         }

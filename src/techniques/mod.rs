@@ -51,6 +51,8 @@ impl Kernels {
             smooth_normals: profile.smooth_normals,
             mirrors: profile.mirrors,
             glass: profile.glass,
+            panes: profile.panes,
+            sheer: profile.panes || profile.alpha_blend,
             volumes: profile.volumes,
             spot_lights: profile.spot_lights > 0,
             directional_lights: profile.directional_lights > 0,
@@ -87,9 +89,17 @@ impl Kernels {
         self.profile.emission || self.profile.environment
     }
 
-    /// Whether any surface reflects or transmits like a mirror or glass.
+    /// Whether any surface reflects or transmits like a mirror or glass, or lets light straight through.
     pub(crate) fn specular(&self) -> bool {
-        self.profile.mirrors || self.profile.glass || (self.scene.glossy && self.profile.smooth_coats)
+        self.profile.mirrors
+            || self.profile.glass
+            || self.scene.sheer
+            || (self.scene.glossy && self.profile.smooth_coats)
+    }
+
+    /// Whether any surface lets light straight through.
+    pub(crate) fn sheer(&self) -> bool {
+        self.scene.sheer
     }
 
     /// Whether clear coats and lobes rougher than a mirror count.

@@ -122,7 +122,7 @@ pub fn tree(
     vpls: &Vpls,
     min_distance: f32,
 ) -> Option<Reflections> {
-    (k.specular() && config.specular_depth > 0).then(|| {
+    (k.specular() && (config.specular_depth > 0 || k.sheer())).then(|| {
         g.group("whitted", |g| {
             let desc = g.desc(gb.albedo);
             let [width, height] = desc.extent;

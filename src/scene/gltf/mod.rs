@@ -9,7 +9,7 @@ mod context;
 mod geometry;
 mod material;
 
-use super::{AlphaMode, Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
+use super::{Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
 use super::{file, import};
 use ::gltf::json;
 use ::gltf::json::deserialize::from_slice;
@@ -350,9 +350,6 @@ impl Context<'_> {
             scene
                 .notes
                 .push(format!("{} textures use coordinate sets above 1 and are left out", textures.far_sets));
-        }
-        if scene.materials.iter().zip(&used).any(|(m, &used)| used && m.alpha_mode == AlphaMode::Blend) {
-            scene.notes.push("blended materials are shown opaque".into());
         }
         let mut without = 0;
         for mesh in &mut scene.meshes {
