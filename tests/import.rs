@@ -1329,6 +1329,109 @@ fn images_of_all_depths_become_rgba() {
     }
 }
 
+/// The first of 16-bit texels in a row, and how much one is more than the one before: less than a step of 8 bits.
+const FIRST: u16 = 30_000;
+const STEP: u16 = 23;
+const ROW: u32 = 16;
+
+/// A square that fills the picture, one texel a pixel: a PNG of 16 bits in the place that `texture` names of a material.
+fn gradient(image: image::DynamicImage, material: Value) -> Asset {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    let mut asset = Asset::empty();
+    let positions = asset.positions(&SQUARE);
+    let normals = asset.positions(&[Vec3::Z; 4]);
+    let uv = asset.accessor(bytemuck::cast_slice(&UV), F32, "VEC2", 4);
+    let indices = asset.accessor(&[0, 1, 2, 0, 2, 3], U8, "SCALAR", 6);
+    let attributes = json!({"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uv});
+    asset.show(json!({"attributes": attributes, "indices": indices, "material": 0}));
+    let view = asset.view(&bytes.into_inner(), None);
+    asset.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
+    asset.push("textures", json!({"source": 0}));
+    asset.push("materials", material);
+    let orthographic = json!({"xmag": 0.5, "ymag": 0.5, "znear": 0, "zfar": 9});
+    asset.push("cameras", json!({"type": "orthographic", "orthographic": orthographic}));
+    asset.push("nodes", json!({"camera": 0, "translation": [0.5, 0.5, 1]}));
+    asset
+}
+
+/// The middle row of a layer.
+fn middle_row(device: &Device, asset: &Asset, aov: Aov) -> Vec<[f32; 3]> {
+    let scene = asset.load().unwrap();
+    assert!(SceneProfile::of(&scene, 0.1).deep_textures);
+    let camera = scene.cameras[0].clone();
+    let mut renderer = Renderer::new(device, scene, &RendererOptions::default()).unwrap();
+    let config = RenderConfig { size: [ROW, ROW], ..RenderConfig::default() };
+    let request = FrameRequest { aovs: &[aov], ..FrameRequest::default() };
+    let frame = renderer.render(&config, &camera, &request).unwrap();
+    let layer = &frame.aovs[0].1;
+    layer.data[(ROW * ROW / 2 * 3) as usize..]
+        .chunks(3)
+        .take(ROW as usize)
+        .map(|c| [c[0], c[1], c[2]])
+        .collect()
+}
+
+/// Colours, alpha, normals and numbers, of every kind of PNG that has 16 bits.
+#[test]
+fn textures_of_16_bits_keep_them() {
+    use image::{ImageBuffer, Luma, LumaA, Rgb, Rgba};
+    let Some((_guard, device)) = common::device() else { return };
+    let value = |x: u32| FIRST + STEP * x as u16;
+    let share = |x: u32| f64::from(value(x)) / 65535.0;
+    let linear = |x: u32| ((share(x) + 0.055) / 1.055).powf(2.4);
+    let mut colored =
+        json!({"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}});
+    colored["extensions"] = json!({"KHR_materials_specular": {"specularFactor": 0}});
+    let grey = ImageBuffer::from_fn(ROW, 1, |x, _| Luma([value(x)])).into();
+    let rgb = ImageBuffer::from_fn(ROW, 1, |x, _| Rgb([value(x), value(x), 0])).into();
+    for image in [grey, rgb] {
+        let row = middle_row(&device, &gradient(image, colored.clone()), Aov::Albedo);
+        for (x, found) in (0..).zip(&row) {
+            let error = f64::from(found[0]) / linear(x) - 1.0;
+            assert!(error.abs() < 1e-5 && found[0] == found[1], "{found:?} at {x} instead of {}", linear(x));
+        }
+    }
+
+    let cutoff = (share(7) + share(8)) / 2.0;
+    let mut masked = colored.clone();
+    masked["alphaMode"] = json!("MASK");
+    masked["alphaCutoff"] = json!(cutoff);
+    let grey = ImageBuffer::from_fn(ROW, 1, |x, _| LumaA([0xffff, value(x)])).into();
+    let rgba = ImageBuffer::from_fn(ROW, 1, |x, _| Rgba([0xffff, 0xffff, 0xffff, value(x)])).into();
+    for image in [grey, rgba] {
+        let row = middle_row(&device, &gradient(image, masked.clone()), Aov::P);
+        let there: Vec<bool> = row.iter().map(|position| position[0] > 0.0).collect();
+        assert_eq!(there, (0..ROW).map(|x| x > 7).collect::<Vec<_>>());
+    }
+
+    let mapped = json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "normalTexture": {"index": 0}});
+    let half = |x: u32| 2.0 * share(x) - 1.0;
+    let normals = ImageBuffer::from_fn(ROW, 1, |x, _| Rgb([value(x), value(0), 0xffff])).into();
+    let row = middle_row(&device, &gradient(normals, mapped), Aov::N);
+    for (x, found) in (0..).zip(&row) {
+        let expected = DVec3::new(half(x), half(0), 1.0).normalize();
+        let off = DVec3::from(found.map(f64::from)) - expected;
+        assert!(off.length() < 1e-6, "{found:?} at {x} instead of {expected}");
+    }
+}
+
+#[test]
+fn emission_of_16_bits_keeps_them() {
+    use image::{ImageBuffer, Luma};
+    let Some((_guard, device)) = common::device() else { return };
+    let emitter = |value: u16| {
+        let image = ImageBuffer::from_pixel(ROW, 1, Luma([value])).into();
+        let emissive = json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}});
+        middle_row(&device, &gradient(image, emissive), Aov::Direct)[0][0]
+    };
+    let linear = |value: u16| ((f64::from(value) / 65535.0 + 0.055) / 1.055).powf(2.4);
+    for value in [0x60fe, 0x60ff] {
+        let found = f64::from(emitter(value));
+        assert!((found / linear(value) - 1.0).abs() < 1e-5, "{found} instead of {}", linear(value));
+    }
+}
+
 #[test]
 fn absent_cameras_and_lights_are_made() {
     let mut asset = Asset::empty();

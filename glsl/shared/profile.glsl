@@ -25,5 +25,6 @@ layout(constant_id = 128) const bool EMISSIVE_TRIANGLES = true;
 layout(constant_id = 129) const bool ENVIRONMENT = true;
 // Clear coats and lobes rougher than a mirror are evaluated, by methods that could leave them out.
 layout(constant_id = 130) const bool GLOSSY = true;
+layout(constant_id = 135) const bool DEEP_TEXTURES = true; // of 16 bits a channel
 
 #endif

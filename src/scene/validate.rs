@@ -131,7 +131,7 @@ impl Image {
                 ));
             }
         }
-        if self.texels.len() != self.width as usize * self.height as usize {
+        if ![self.count(), 2 * self.count()].contains(&self.texels.len()) {
             return Err(format!("{} texels for {}×{}", self.texels.len(), self.width, self.height));
         }
         Ok(())
