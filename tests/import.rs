@@ -961,7 +961,7 @@ fn lights_have_their_place_direction_and_intensity() {
     let mut asset = square();
     asset.json["extensions"]["KHR_lights_punctual"]["lights"] = json!([
         {"type": "point", "name": "bulb", "color": [1, 0.5, 0], "intensity": 10, "range": 4, "extras": {"watts": 3}, "extensions": {"VENDOR": {}}},
-        {"type": "directional"},
+        {"type": "directional", "range": 4},
         {"type": "spot", "spot": {}}
     ]);
     asset.json["nodes"][2]["translation"] = json!([1, 2, 3]);
@@ -973,7 +973,10 @@ fn lights_have_their_place_direction_and_intensity() {
     );
     asset.push("nodes", json!({"matrix": [1, 0, 0, 0, 0, 0, -2, 0, 0, 2, 0, 0, 7, 8, 9, 1], "extensions": {"KHR_lights_punctual": {"light": 2}}}));
     asset.json["scenes"][0]["nodes"] = json!([3, 4, 5]);
-    let lights = asset.load().unwrap().lights;
+    let scene = asset.load().unwrap();
+    let ranges = scene.notes.iter().filter(|note| note.starts_with("the range of 1 lights"));
+    assert_eq!(ranges.count(), 1, "{:?}", scene.notes);
+    let lights = scene.lights;
     assert_eq!(lights.len(), 3);
     let [bulb, sun, spot] = &lights[..] else { unreachable!() };
     assert_eq!((bulb.name.as_str(), bulb.kind), ("bulb", LightKind::Point));

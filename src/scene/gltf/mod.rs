@@ -195,6 +195,8 @@ struct Read {
     detour: f64,
     tally: geometry::Tally,
     skinned: usize,
+    /// Lights with a range.
+    ranged: usize,
 }
 
 impl Context<'_> {
@@ -302,9 +304,9 @@ impl Context<'_> {
         if let Some(around) = Around::of(&read.scene, &read.transforms, read.detour) {
             read = self.placed_parts(&roots, Some(&around))?;
         }
-        let Read { mut scene, tally, skinned, .. } = read;
+        let Read { mut scene, tally, skinned, ranged, .. } = read;
         self.materials(&mut scene)?;
-        self.note(&mut scene, &tally, skinned);
+        self.note(&mut scene, &tally, skinned, ranged);
         import::finish(scene, self.file, &element)
     }
 
@@ -319,7 +321,8 @@ impl Context<'_> {
         let mut tally = geometry::Tally::default();
         let mut meshes: HashMap<(usize, Option<Vec<u32>>), u32> = HashMap::new();
         let mut transforms = Vec::new();
-        let mut skinned = 0;
+        let (mut skinned, mut ranged) = (0, 0);
+        let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
         let mut detour = 0.0_f64;
         let mut stack: Vec<(usize, DAffine3, f64)> =
             roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0)).collect();
@@ -353,11 +356,14 @@ impl Context<'_> {
                 scene.cameras.push(self.camera(i, camera.value(), world)?);
             }
             let light = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
-            if let Some(light) = light.and_then(|l| lights.get(l.light.value())) {
+            if let Some((light, source)) =
+                light.map(|l| (&lights[l.light.value()], &sources[l.light.value()]))
+            {
+                ranged += usize::from(light.kind != LightKind::Directional && source.range.is_some());
                 scene.lights.push(self.placed(i, light, world)?);
             }
         }
-        Ok(Read { scene, transforms, detour, tally, skinned })
+        Ok(Read { scene, transforms, detour, tally, skinned, ranged })
     }
 
     /// All materials in file order, with textures where a triangle uses them.
@@ -413,7 +419,7 @@ impl Context<'_> {
         Ok(())
     }
 
-    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, skinned: usize) {
+    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, skinned: usize, ranged: usize) {
         let mut note = |holds: bool, text: String| {
             if holds {
                 scene.notes.push(text);
@@ -430,6 +436,12 @@ impl Context<'_> {
         note(
             tally.incomplete > 0,
             format!("{} vertices behind the last whole triangle are left out", tally.incomplete),
+        );
+        note(
+            ranged > 0,
+            format!(
+                "the range of {ranged} lights, a hint, is left out: their light falls off by the inverse square for ever"
+            ),
         );
         note(skinned > 0, format!("{skinned} skinned meshes are shown undeformed"));
         note(
