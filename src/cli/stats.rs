@@ -18,6 +18,7 @@ pub(super) fn stats(
     renderer: &Renderer,
     profile: &SceneProfile,
     frame: &Frame,
+    paths_seen: Option<f64>,
     outputs: &[PathBuf],
     economy: Option<&Economy>,
 ) -> Value {
@@ -56,6 +57,7 @@ pub(super) fn stats(
         "settings": config,
         "vpl_count": frame.vpl_count,
         "path_count": frame.path_count,
+        "paths_seen": paths_seen,
         "min_distance": frame.min_distance,
         "samples": frame.samples,
         "noise": frame.noise,
