@@ -9,6 +9,7 @@ use exr::prelude::{ReadChannels, ReadLayers, Vec2, read};
 use parhelion::config::RenderConfig;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -692,6 +693,103 @@ fn a_scene_without_lights_is_lit_from_the_camera_and_says_so() {
     assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g > 0.0));
     folder.render(&["wall.gltf", "--scene", "deep", "-o", "a.exr", "--no-headlight"]);
     assert!(exr(&folder, "a.exr").channels["G"].iter().all(|&g| g == 0.0));
+}
+
+/// A room of 4 m × 3 m × 5 m with a window of 1.5 m in the middle of the wall at x = 0. Corners by number of each axis.
+fn windowed() -> String {
+    let (x, y, z) = ([0.0, 4.0], [0.0, 0.75, 2.25, 3.0], [0.0, 1.75, 3.25, 5.0]);
+    let mut obj = String::new();
+    let mut quad = |corners: [[usize; 3]; 4]| {
+        for [i, j, k] in corners {
+            writeln!(obj, "v {} {} {}", x[i], y[j], z[k]).unwrap();
+        }
+        obj.push_str("f -4 -3 -2 -1\n");
+    };
+    for at in [0, 3] {
+        quad([[0, at, 0], [0, at, 3], [1, at, 3], [1, at, 0]]);
+        quad([[0, 0, at], [1, 0, at], [1, 3, at], [0, 3, at]]);
+    }
+    quad([[1, 0, 0], [1, 0, 3], [1, 3, 3], [1, 3, 0]]);
+    quad([[0, 0, 0], [0, 3, 0], [0, 3, 1], [0, 0, 1]]);
+    quad([[0, 0, 2], [0, 3, 2], [0, 3, 3], [0, 0, 3]]);
+    quad([[0, 0, 1], [0, 1, 1], [0, 1, 2], [0, 0, 2]]);
+    quad([[0, 2, 1], [0, 3, 1], [0, 3, 2], [0, 2, 2]]);
+    obj
+}
+
+fn rendered(folder: &Folder, args: &[&str]) -> Output {
+    let output = folder.run(&[&["render", "--size", "24x24", "--backend", "software"], args].concat());
+    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+    output
+}
+
+/// The sky through a window: what no path finds is missing, and said to be.
+#[test]
+fn a_picture_that_rests_on_few_light_paths_says_so() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    folder.write("room.obj", &windowed());
+    let camera = ["--eye", "3,1.5,4.8", "--look-at", "2,1.4,0", "--environment", "1,1,1"];
+    let draw = |seed: &str, more: &[&str]| {
+        let files = ["--aov", "indirect", "-o", "a.exr", "--stats", "s.json", "--seed", seed];
+        let out = rendered(&folder, &[&["room.obj"], &camera[..], &files, more].concat());
+        let share = folder.json("s.json")["paths_seen"].as_f64().unwrap();
+        let light = common::mean(&exr(&folder, "a.exr").channels["indirect.G"]);
+        (stderr(&out), stdout(&out), share, light)
+    };
+    let mut drawn = Vec::new();
+    for seed in ["0", "1", "2", "3", "4", "5", "6", "7"] {
+        let (notes, text, share, light) = draw(seed, &[]);
+        let seen = (60.0 * share).round();
+        println!("seed {seed}: {seen} of 60 paths, indirect light {light}");
+        assert!(text.contains(&format!("of 60 paths ({:.1} % seen)", 100.0 * share)), "{text}");
+        match seen {
+            0.0 => assert!(notes.contains("none of 60 light paths reaches what is seen"), "{notes}"),
+            1.0..9.0 => assert!(notes.contains(&format!("rests on {seen} of 60 light paths")), "{notes}"),
+            _ => assert!(!notes.contains("light paths"), "{notes}"),
+        }
+        assert_eq!(seen > 0.0, light > 0.0, "{seen} paths are seen, indirect light is {light}");
+        drawn.push(seen);
+    }
+    assert!(drawn.contains(&0.0) && drawn.iter().any(|&seen| seen > 0.0), "{drawn:?}");
+    let (notes, _, share, _) = draw("0", &["--vpls", "6000"]);
+    assert!(!notes.contains("light paths") && (0.001..0.2).contains(&share), "{share}: {notes}");
+}
+
+#[test]
+fn paths_that_all_arrive_are_nothing_to_speak_of_and_none_at_all_are() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::with_wall();
+    // The second by way of its mirror, too.
+    for room in ["builtin:closed-box", "builtin:mirror-box"] {
+        let out = rendered(&folder, &[room, "-o", "a.exr", "--stats", "s.json"]);
+        assert!(!stderr(&out).contains("light path"), "{}", stderr(&out));
+        let share = folder.json("s.json")["paths_seen"].as_f64().unwrap();
+        assert!(share > 0.9, "{share} of paths in {room}");
+    }
+    // Two squares of 0.1 m, 100 m apart.
+    let square = |x: f32| format!("v {x} 0 0\nv {x} 0.1 0\nv {x} 0.1 0.1\nv {x} 0 0.1\nf -4 -3 -2 -1\n");
+    folder.write("far.obj", &(square(0.0) + &square(100.0)));
+    let seen = [
+        "--eye",
+        "1,0.05,0.05",
+        "--look-at",
+        "0,0.05,0.05",
+        "--fov",
+        "10",
+        "-o",
+        "a.exr",
+        "--stats",
+        "s.json",
+    ];
+    let out = rendered(&folder, &[&["far.obj", "--environment", "1,1,1"], &seen[..]].concat());
+    assert!(stderr(&out).contains("none of 60 light paths left a VPL"), "{}", stderr(&out));
+    let out = rendered(&folder, &[&["far.obj", "--environment", "0,0,0"], &seen[..]].concat());
+    assert!(!stderr(&out).contains("light path"), "{}", stderr(&out));
+    let out = rendered(&folder, &[&["far.obj", "--no-headlight"], &seen[..]].concat());
+    assert!(!stderr(&out).contains("light path"), "{}", stderr(&out));
+    rendered(&folder, &[&["far.obj", "--method", "path", "--spp", "1"], &seen[..]].concat());
+    assert!(folder.json("s.json")["paths_seen"].is_null());
 }
 
 #[test]

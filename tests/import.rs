@@ -1,10 +1,15 @@
 //! Scenes from files: what they hold, what they lack, and what is wrong with them.
 
-use glam::{Affine3A, Mat3, Quat, Vec2, Vec3, Vec4};
+mod common;
+
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
+use parhelion::config::RenderConfig;
+use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{
     self, AlphaMode, Camera, Clearcoat, Environment, Filter, Instance, LightKind, LoadOptions, Material,
     Mesh, Scene, SceneError, SceneProfile, View, Wrap,
 };
+use parhelion::vk::{Backend, Device};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -751,7 +756,7 @@ fn very_deep_hierarchies_load() {
     }
     asset.json["scenes"][0]["nodes"] = json!([child]);
     let scene = asset.load().unwrap();
-    assert_eq!(scene.instances[0].transform.translation.z, 6250.0);
+    assert_eq!(scene.origin.z + f64::from(scene.instances[0].transform.translation.z), 6250.0);
 }
 
 #[test]
@@ -956,7 +961,7 @@ fn lights_have_their_place_direction_and_intensity() {
     let mut asset = square();
     asset.json["extensions"]["KHR_lights_punctual"]["lights"] = json!([
         {"type": "point", "name": "bulb", "color": [1, 0.5, 0], "intensity": 10, "range": 4, "extras": {"watts": 3}, "extensions": {"VENDOR": {}}},
-        {"type": "directional"},
+        {"type": "directional", "range": 4},
         {"type": "spot", "spot": {}}
     ]);
     asset.json["nodes"][2]["translation"] = json!([1, 2, 3]);
@@ -968,7 +973,10 @@ fn lights_have_their_place_direction_and_intensity() {
     );
     asset.push("nodes", json!({"matrix": [1, 0, 0, 0, 0, 0, -2, 0, 0, 2, 0, 0, 7, 8, 9, 1], "extensions": {"KHR_lights_punctual": {"light": 2}}}));
     asset.json["scenes"][0]["nodes"] = json!([3, 4, 5]);
-    let lights = asset.load().unwrap().lights;
+    let scene = asset.load().unwrap();
+    let ranges = scene.notes.iter().filter(|note| note.starts_with("the range of 1 lights"));
+    assert_eq!(ranges.count(), 1, "{:?}", scene.notes);
+    let lights = scene.lights;
     assert_eq!(lights.len(), 3);
     let [bulb, sun, spot] = &lights[..] else { unreachable!() };
     assert_eq!((bulb.name.as_str(), bulb.kind), ("bulb", LightKind::Point));
@@ -1324,6 +1332,109 @@ fn images_of_all_depths_become_rgba() {
     }
 }
 
+/// The first of 16-bit texels in a row, and how much one is more than the one before: less than a step of 8 bits.
+const FIRST: u16 = 30_000;
+const STEP: u16 = 23;
+const ROW: u32 = 16;
+
+/// A square that fills the picture, one texel a pixel: a PNG of 16 bits in the place that `texture` names of a material.
+fn gradient(image: image::DynamicImage, material: Value) -> Asset {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    let mut asset = Asset::empty();
+    let positions = asset.positions(&SQUARE);
+    let normals = asset.positions(&[Vec3::Z; 4]);
+    let uv = asset.accessor(bytemuck::cast_slice(&UV), F32, "VEC2", 4);
+    let indices = asset.accessor(&[0, 1, 2, 0, 2, 3], U8, "SCALAR", 6);
+    let attributes = json!({"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uv});
+    asset.show(json!({"attributes": attributes, "indices": indices, "material": 0}));
+    let view = asset.view(&bytes.into_inner(), None);
+    asset.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
+    asset.push("textures", json!({"source": 0}));
+    asset.push("materials", material);
+    let orthographic = json!({"xmag": 0.5, "ymag": 0.5, "znear": 0, "zfar": 9});
+    asset.push("cameras", json!({"type": "orthographic", "orthographic": orthographic}));
+    asset.push("nodes", json!({"camera": 0, "translation": [0.5, 0.5, 1]}));
+    asset
+}
+
+/// The middle row of a layer.
+fn middle_row(device: &Device, asset: &Asset, aov: Aov) -> Vec<[f32; 3]> {
+    let scene = asset.load().unwrap();
+    assert!(SceneProfile::of(&scene, 0.1).deep_textures);
+    let camera = scene.cameras[0].clone();
+    let mut renderer = Renderer::new(device, scene, &RendererOptions::default()).unwrap();
+    let config = RenderConfig { size: [ROW, ROW], ..RenderConfig::default() };
+    let request = FrameRequest { aovs: &[aov], ..FrameRequest::default() };
+    let frame = renderer.render(&config, &camera, &request).unwrap();
+    let layer = &frame.aovs[0].1;
+    layer.data[(ROW * ROW / 2 * 3) as usize..]
+        .chunks(3)
+        .take(ROW as usize)
+        .map(|c| [c[0], c[1], c[2]])
+        .collect()
+}
+
+/// Colours, alpha, normals and numbers, of every kind of PNG that has 16 bits.
+#[test]
+fn textures_of_16_bits_keep_them() {
+    use image::{ImageBuffer, Luma, LumaA, Rgb, Rgba};
+    let Some((_guard, device)) = common::device() else { return };
+    let value = |x: u32| FIRST + STEP * x as u16;
+    let share = |x: u32| f64::from(value(x)) / 65535.0;
+    let linear = |x: u32| ((share(x) + 0.055) / 1.055).powf(2.4);
+    let mut colored =
+        json!({"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}});
+    colored["extensions"] = json!({"KHR_materials_specular": {"specularFactor": 0}});
+    let grey = ImageBuffer::from_fn(ROW, 1, |x, _| Luma([value(x)])).into();
+    let rgb = ImageBuffer::from_fn(ROW, 1, |x, _| Rgb([value(x), value(x), 0])).into();
+    for image in [grey, rgb] {
+        let row = middle_row(&device, &gradient(image, colored.clone()), Aov::Albedo);
+        for (x, found) in (0..).zip(&row) {
+            let error = f64::from(found[0]) / linear(x) - 1.0;
+            assert!(error.abs() < 1e-5 && found[0] == found[1], "{found:?} at {x} instead of {}", linear(x));
+        }
+    }
+
+    let cutoff = (share(7) + share(8)) / 2.0;
+    let mut masked = colored.clone();
+    masked["alphaMode"] = json!("MASK");
+    masked["alphaCutoff"] = json!(cutoff);
+    let grey = ImageBuffer::from_fn(ROW, 1, |x, _| LumaA([0xffff, value(x)])).into();
+    let rgba = ImageBuffer::from_fn(ROW, 1, |x, _| Rgba([0xffff, 0xffff, 0xffff, value(x)])).into();
+    for image in [grey, rgba] {
+        let row = middle_row(&device, &gradient(image, masked.clone()), Aov::P);
+        let there: Vec<bool> = row.iter().map(|position| position[0] > 0.0).collect();
+        assert_eq!(there, (0..ROW).map(|x| x > 7).collect::<Vec<_>>());
+    }
+
+    let mapped = json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "normalTexture": {"index": 0}});
+    let half = |x: u32| 2.0 * share(x) - 1.0;
+    let normals = ImageBuffer::from_fn(ROW, 1, |x, _| Rgb([value(x), value(0), 0xffff])).into();
+    let row = middle_row(&device, &gradient(normals, mapped), Aov::N);
+    for (x, found) in (0..).zip(&row) {
+        let expected = DVec3::new(half(x), half(0), 1.0).normalize();
+        let off = DVec3::from(found.map(f64::from)) - expected;
+        assert!(off.length() < 1e-6, "{found:?} at {x} instead of {expected}");
+    }
+}
+
+#[test]
+fn emission_of_16_bits_keeps_them() {
+    use image::{ImageBuffer, Luma};
+    let Some((_guard, device)) = common::device() else { return };
+    let emitter = |value: u16| {
+        let image = ImageBuffer::from_pixel(ROW, 1, Luma([value])).into();
+        let emissive = json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}});
+        middle_row(&device, &gradient(image, emissive), Aov::Direct)[0][0]
+    };
+    let linear = |value: u16| ((f64::from(value) / 65535.0 + 0.055) / 1.055).powf(2.4);
+    for value in [0x60fe, 0x60ff] {
+        let found = f64::from(emitter(value));
+        assert!((found / linear(value) - 1.0).abs() < 1e-5, "{found} instead of {}", linear(value));
+    }
+}
+
 #[test]
 fn absent_cameras_and_lights_are_made() {
     let mut asset = Asset::empty();
@@ -1448,6 +1559,235 @@ fn scenes_made_in_code_are_checked() {
         change(&mut scene);
         let error = scene.validate().expect_err(name);
         assert_eq!((error.file.as_path(), error.element.as_str()), (Path::new("scene"), *element), "{error}");
+    }
+}
+
+// ---- far from the origin ----
+
+/// Where a room is, and what is the origin of its meshes (m).
+#[derive(Clone, Copy, Default)]
+struct Place {
+    world: DVec3,
+    vertices: DVec3,
+}
+
+/// A room of 3 m with a block in it, both of one mesh, a light and a camera. Meshes' origin and the world's are where
+/// `place` says; all else is the same.
+fn far_room(place: Place) -> Asset {
+    let mut asset = Asset::empty();
+    let (corners, indices) = cube();
+    let far: Vec<Vec3> =
+        corners.iter().map(|corner| (corner.as_dvec3() + place.vertices).as_vec3()).collect();
+    let positions = asset.positions(&far);
+    let indices = asset.accessor(&bytes_of(indices.iter().map(|&i| i as f32), U8), U8, "SCALAR", 36);
+    let grey = json!({"metallicFactor": 0, "baseColorFactor": [0.6, 0.6, 0.6, 1]});
+    asset.push("materials", json!({"pbrMetallicRoughness": grey, "extensions": {"KHR_materials_specular": {"specularFactor": 0}}}));
+    let primitive = json!({"attributes": {"POSITION": positions}, "indices": indices, "material": 0});
+    asset.push("meshes", json!({"primitives": [primitive]}));
+    let turn = DQuat::from_rotation_y(0.4);
+    let block = DVec3::new(0.7, 0.0, 0.6);
+    for (scale, rotation, translation) in
+        [(DVec3::splat(3.0), DQuat::IDENTITY, DVec3::ZERO), (DVec3::new(1.0, 1.25, 0.5), turn, block)]
+    {
+        let matrix = DAffine3::from_scale_rotation_translation(scale, rotation, translation).matrix3;
+        let at = place.world + translation - matrix * place.vertices;
+        asset.push(
+            "nodes",
+            json!({"mesh": 0, "scale": scale.to_array(), "rotation": rotation.to_array(), "translation": at.to_array()}),
+        );
+    }
+    asset.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    asset.json["extensions"]["KHR_lights_punctual"]["lights"] = json!([{"type": "point", "intensity": 2}]);
+    let at = |x, y, z| (place.world + DVec3::new(x, y, z)).to_array();
+    asset.push(
+        "nodes",
+        json!({"translation": at(1.3, 2.4, 1.9), "extensions": {"KHR_lights_punctual": {"light": 0}}}),
+    );
+    asset.push("cameras", json!({"type": "perspective", "perspective": {"yfov": 0.9, "znear": 0.1}}));
+    let rotation = DQuat::from_rotation_x(-0.3).to_array();
+    asset.push("nodes", json!({"camera": 0, "translation": at(1.4, 1.8, 2.8), "rotation": rotation}));
+    asset
+}
+
+/// Corners of all triangles in the file's coordinates.
+fn file_corners(scene: &Scene) -> Vec<DVec3> {
+    scene.world_triangles().flatten().map(|corner| corner.as_dvec3() + scene.origin).collect()
+}
+
+const KM: f64 = 1e3;
+
+/// Node translations, vertices, and vertices brought back or carried on by their nodes.
+fn far_places() -> Vec<Place> {
+    let direction = DVec3::new(1.0, -0.25, 0.5);
+    let mut places = Vec::new();
+    for distance in [500.0 * KM, 5_000.0 * KM, 10_000.0 * KM] {
+        let far = direction * distance;
+        places.push(Place { world: far, vertices: DVec3::ZERO });
+        places.push(Place { world: DVec3::ZERO, vertices: far });
+        places.push(Place { world: far, vertices: DVec3::new(far.y, far.z, far.x) });
+    }
+    places
+}
+
+#[test]
+fn far_scenes_keep_their_shape() {
+    let near = far_room(Place::default()).load().unwrap();
+    assert_eq!(near.origin, DVec3::ZERO);
+    let corners = file_corners(&near);
+    for place in far_places() {
+        let scene = far_room(place).load().unwrap();
+        let distance = place.world.length();
+        assert!((scene.origin - place.world).length() < 4.0, "{} for {}", scene.origin, place.world);
+        // The rotation alone is rounded otherwise: to 64 bits.
+        for (corner, near) in file_corners(&scene).iter().zip(&corners) {
+            let off = (*corner - place.world - *near).length();
+            assert!(off < 2e-6 + 1e-15 * distance, "{corner} is {off} m off, {distance} m away");
+        }
+        let light = scene.lights[0].position.as_dvec3() + scene.origin - place.world;
+        assert!((light - DVec3::new(1.3, 2.4, 1.9)).length() < 1e-6 + 1e-15 * distance, "{light}");
+        let eye = Vec3::from(scene.cameras[0].transform.translation).as_dvec3() + scene.origin;
+        assert!((eye - place.world - DVec3::new(1.4, 1.8, 2.8)).length() < 1e-6 + 1e-15 * distance, "{eye}");
+    }
+}
+
+/// 64 extents of the square are 64 · √2 m.
+#[test]
+fn scenes_within_64_extents_keep_their_numbers() {
+    let at = |x: f64| {
+        let mut asset = square();
+        let root = asset.push(
+            "nodes",
+            json!({"children": asset.json["scenes"][0]["nodes"].clone(), "translation": [x, 0, 0]}),
+        );
+        asset.json["scenes"][0]["nodes"] = json!([root]);
+        asset.load().unwrap()
+    };
+    let (near, far) = (at(89.9), at(90.1));
+    assert_eq!((near.origin, near.instances[0].transform.translation.x), (DVec3::ZERO, 89.9));
+    assert!((far.origin - DVec3::new(90.6, 0.5, 0.0)).length() < 1e-5, "{}", far.origin);
+    assert!((far.instances[0].transform.translation.x + 0.5).abs() < 1e-5);
+    // What has no area says nothing of where a scene is.
+    let mut asset = far_room(Place { world: DVec3::splat(500.0 * KM), vertices: DVec3::ZERO });
+    asset.push("nodes", json!({"mesh": 0, "scale": [0, 0, 0]}));
+    asset.push("nodes", json!({"mesh": 0, "rotation": [0.6, 0, 0, 0.8], "scale": [2, 0, 0]}));
+    assert!((asset.load().unwrap().origin - DVec3::splat(500.0 * KM)).length() < 4.0);
+}
+
+#[test]
+fn far_morphs_keep_their_shape() {
+    let mut asset = Asset::empty();
+    let far = Vec3::new(500_000.0, 0.0, 0.0);
+    let positions = asset.positions(&SQUARE.map(|corner| corner + far));
+    let target = asset.positions(&[Vec3::ZERO, Vec3::X * 0.01, Vec3::X * 0.01, Vec3::ZERO]);
+    let indices = asset.accessor(&[0, 1, 2, 0, 2, 3], U8, "SCALAR", 6);
+    let primitive =
+        json!({"attributes": {"POSITION": positions}, "indices": indices, "targets": [{"POSITION": target}]});
+    asset.push("meshes", json!({"primitives": [primitive], "weights": [0.5]}));
+    asset.push("nodes", json!({"mesh": 0}));
+    let corners = file_corners(&asset.load().unwrap());
+    assert!((corners[1].x - 500_001.005).abs() < 1e-6, "{}", corners[1].x);
+}
+
+/// A tree that goes away and comes back, by numbers that 32 bits do not hold.
+#[test]
+fn nodes_that_cancel_keep_their_shape() {
+    let mut asset = square();
+    let root = json!({"children": asset.json["scenes"][0]["nodes"].clone(), "translation": [-1e7, 0, 0]});
+    let root = asset.push("nodes", root);
+    let root = asset.push("nodes", json!({"children": [root], "translation": [10_000_000.375, 0, 0]}));
+    asset.json["scenes"][0]["nodes"] = json!([root]);
+    let scene = asset.load().unwrap();
+    assert_eq!((scene.origin, scene.instances[0].transform.translation.x), (DVec3::ZERO, 0.375));
+}
+
+/// A file's decimals hold more than 32 bits.
+#[test]
+fn far_obj_files_keep_their_shape() {
+    let obj = "mtllib room.mtl\nv 10000000.25 0 -5000000\nv 10000001.5 0 -5000000 1\nv 10000000.25 1 -5000000.125 0.5 0.5 0.5\nf 1 2 3\n";
+    let scene = load_obj(obj, "").unwrap();
+    let expected = [
+        DVec3::new(10_000_000.25, 0.0, -5e6),
+        DVec3::new(10_000_001.5, 0.0, -5e6),
+        DVec3::new(10_000_000.25, 1.0, -5_000_000.125),
+    ];
+    assert_eq!(file_corners(&scene), expected);
+    assert_eq!(scene.meshes[0].colors[2].x, 0.5);
+}
+
+#[test]
+fn scenes_made_in_code_are_brought_near_by_the_same_rule() {
+    let mut scene = far_room(Place::default()).load().unwrap();
+    assert!(matches!(scene.near_origin(), std::borrow::Cow::Borrowed(_)));
+    // A mesh 11 000 km from its own origin, as it is and turned by its placement to about the same place.
+    let off = Vec3::new(1e7, -5e6, 2e6);
+    scene.meshes[0].positions.iter_mut().for_each(|position| *position += off);
+    let turned = Affine3A::from_rotation_y(0.4);
+    scene.instances[0].transform = Affine3A::IDENTITY;
+    scene.instances[1].transform = Affine3A::from_translation(off - turned.transform_vector3(off)) * turned;
+    scene.lights[0].position = off + Vec3::ONE;
+    scene.cameras[0].transform.translation = (off + 2.0 * Vec3::ONE).into();
+    let shifted = scene.near_origin();
+    assert!(matches!(shifted.near_origin(), std::borrow::Cow::Borrowed(_)));
+    let mut corners = file_corners(&shifted).into_iter();
+    for instance in &scene.instances {
+        let (m, t) = (instance.transform.matrix3.as_dmat3(), Vec3::from(instance.transform.translation));
+        for &v in scene.meshes[0].triangles.as_flattened() {
+            let exact = m * scene.meshes[0].positions[v as usize].as_dvec3() + t.as_dvec3();
+            let off = corners.next().unwrap() - exact;
+            assert!(off.length() < 1e-6, "{exact} is {} m off", off.length());
+        }
+    }
+    assert_eq!(shifted.lights[0].position, shifted.local(off.as_dvec3() + 1.0));
+    assert_eq!(shifted.cameras[0].transform.translation, shifted.local(off.as_dvec3() + 2.0).into());
+}
+
+fn draw(device: &Device, scene: Scene, backend: Backend, method: &str) -> Frame {
+    let camera = scene.cameras[0].clone();
+    let options = RendererOptions { backend: BackendChoice::Force(backend), ..RendererOptions::default() };
+    let mut config = RenderConfig { size: [24, 16], ..RenderConfig::default() };
+    config.apply_override(&format!("method={method}")).unwrap();
+    config.apply_override("path_trace.spp=4").unwrap();
+    config.apply_override("vpl_shoot.vpls=60").unwrap();
+    let request = FrameRequest { aovs: &[Aov::P], ..FrameRequest::default() };
+    let mut renderer = Renderer::new(device, scene, &options).unwrap();
+    let lights = renderer.scene().lights.clone();
+    renderer.set_lights(lights).unwrap();
+    renderer.render(&config, &camera, &request).unwrap()
+}
+
+#[test]
+fn far_scenes_look_as_they_do_at_the_origin() {
+    let Some((_guard, device)) = common::device() else { return };
+    for backend in [Backend::Software, Backend::RayQuery] {
+        if backend == Backend::RayQuery && !device.info().ray_query {
+            continue;
+        }
+        for method in ["igi", "path"] {
+            let near = draw(&device, far_room(Place::default()).load().unwrap(), backend, method);
+            // A kind of each distance, and the furthest of the first.
+            for place in far_places().into_iter().step_by(4).chain([far_places()[6]]) {
+                let far = draw(&device, far_room(place).load().unwrap(), backend, method);
+                let pairs = || far.beauty.data.iter().zip(&near.beauty.data);
+                let off: f64 = pairs().map(|(a, b)| f64::from((a - b).abs())).sum();
+                let all: f64 = near.beauty.data.iter().map(|&v| f64::from(v)).sum();
+                println!("{backend:?} {method} {} {}: {:.2e}", place.world, place.vertices, off / all);
+                assert!(
+                    off < 2e-3 * all,
+                    "{} of the light, {} and {}",
+                    off / all,
+                    place.world,
+                    place.vertices
+                );
+                // 32 bits hold the file's coordinates to half a unit in their last place.
+                for (a, b) in far.aovs[0].1.data.chunks(3).zip(near.aovs[0].1.data.chunks(3)) {
+                    for axis in 0..3 {
+                        let expected = place.world[axis] + f64::from(b[axis]);
+                        let off = (f64::from(a[axis]) - expected).abs();
+                        assert!(off <= 1e-4 + 6e-8 * expected.abs(), "{} instead of {expected}", a[axis]);
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -1692,8 +2032,7 @@ fn obj_triangles_are_those_of_tobj() {
                 .collect::<Vec<_>>()
         })
         .collect();
-    let distinct =
-        |t: &&[Vec3; 3]| (t[1] - t[0]).as_dvec3().cross((t[2] - t[0]).as_dvec3()) != glam::DVec3::ZERO;
+    let distinct = |t: &&[Vec3; 3]| (t[1] - t[0]).as_dvec3().cross((t[2] - t[0]).as_dvec3()) != DVec3::ZERO;
     assert!(ours.len() > 200);
     assert!(ours.iter().eq(theirs.iter().filter(distinct)));
 }

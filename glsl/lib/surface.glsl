@@ -30,7 +30,11 @@ uint wrap_texel(int i, uint size, uint mode) {
 vec4 texel(Texture tex, int x, int y) {
     uint column = wrap_texel(x, tex.size.x, (tex.flags >> TEXTURE_WRAP_U_SHIFT) & 3u);
     uint row = wrap_texel(y, tex.size.y, (tex.flags >> TEXTURE_WRAP_V_SHIFT) & 3u);
-    vec4 v = unpackUnorm4x8(TexelArray(tex.texels)[row * tex.size.x + column].at);
+    uint i = row * tex.size.x + column;
+    vec4 v = unpackUnorm4x8(TexelArray(tex.texels)[i].at);
+    if (DEEP_TEXTURES && (tex.flags & TEXTURE_DEEP) != 0u) {
+        v = (256.0 * v + unpackUnorm4x8(TexelArray(tex.texels)[tex.size.x * tex.size.y + i].at)) / 257.0;
+    }
     if ((tex.flags & TEXTURE_SRGB) == 0u) return v;
     return vec4(srgb_to_linear(v.r), srgb_to_linear(v.g), srgb_to_linear(v.b), v.a);
 }

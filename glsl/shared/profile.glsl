@@ -28,5 +28,6 @@ layout(constant_id = 131) const bool SHEER = true;
 layout(constant_id = 132) const bool PANES = true;
 // Clear coats and lobes rougher than a mirror are evaluated, by methods that could leave them out.
 layout(constant_id = 130) const bool GLOSSY = true;
+layout(constant_id = 135) const bool DEEP_TEXTURES = true; // of 16 bits a channel
 
 #endif

@@ -65,6 +65,7 @@ const uint TEXTURE_WRAP_V_SHIFT = 4u;
 const uint TEXTURE_WRAP_MIRROR = 1u;
 const uint TEXTURE_WRAP_CLAMP = 2u;
 const uint TEXTURE_SRGB = 64u; // red, green and blue are to be decoded
+const uint TEXTURE_DEEP = 128u; // 16 bits: high bytes of all texels, then low bytes
 
 struct Texture {
     uint64_t texels; // rgba8

@@ -75,10 +75,10 @@ pub(super) struct Common {
     pub(super) camera: Option<String>,
     /// Position of a camera of your own (metres).
     #[arg(long, value_name = "X,Y,Z", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = point, requires = "look_at", conflicts_with = "camera")]
-    pub(super) eye: Option<[f32; 3]>,
+    pub(super) eye: Option<[f64; 3]>,
     /// Point that the camera of --eye looks at (metres).
     #[arg(long, value_name = "X,Y,Z", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = point, requires = "eye")]
-    pub(super) look_at: Option<[f32; 3]>,
+    pub(super) look_at: Option<[f64; 3]>,
     /// Vertical field of view of the camera of --eye (degrees) [default: 45].
     #[arg(long, value_name = "DEG", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
     pub(super) fov: Option<f32>,
@@ -554,9 +554,9 @@ fn number(text: &str) -> Result<f32, String> {
     parsed.ok_or_else(|| "expected a finite number".into())
 }
 
-fn point(text: &str) -> Result<[f32; 3], String> {
-    let point: [f32; 3] = numbers(text)?;
-    if point.iter().all(|value| value.is_finite()) {
+fn point(text: &str) -> Result<[f64; 3], String> {
+    let point: [f64; 3] = numbers(text)?;
+    if point.iter().all(|&value| (value as f32).is_finite()) {
         Ok(point)
     } else {
         Err("expected finite numbers".into())

@@ -92,8 +92,21 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     };
     let frame = renderer.render(&config, &camera, &request)?;
 
+    // What has been rendered is told, whatever becomes of what follows.
+    let mut failed = None;
+    let mut seen = None;
+    if frame.path_count.is_some() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+        match renderer.paths_seen(&config, &camera) {
+            Ok(share) => seen = share,
+            Err(error) => failed = Some(error),
+        }
+    }
+    if let Some(line) = few_paths(&renderer, &profile, &frame, seen) {
+        reporter.note(&line);
+    }
+
     reporter.stage("write", &name);
-    let mut report = header(&config, &renderer, &profile, &frame);
+    let mut report = header(&config, &renderer, &profile, &frame, seen);
     if args.explain {
         for line in profile.explain() {
             let _ = writeln!(report, "left out: {line}");
@@ -123,10 +136,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         output::write_exr(file, &picture::tapped(tap, layer))?;
         let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
     }
-    // What has been rendered is told, whatever becomes of this.
-    let mut failed = None;
     let mut economy = None;
-    if args.explain && !interrupt::CANCEL.load(Ordering::SeqCst) {
+    if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
         reporter.stage("economy", &name);
         match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
             Ok(measured) => {
@@ -137,7 +148,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         }
     }
     if let Some(file) = &args.stats {
-        let stats = stats(args, &config, &camera, &renderer, &profile, &frame, &outputs, economy.as_ref());
+        let stats =
+            stats(args, &config, &camera, &renderer, &profile, &frame, seen, &outputs, economy.as_ref());
         output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
         let _ = writeln!(report, "{}: statistics", file.display());
     }
@@ -240,7 +252,50 @@ fn outputs(args: &Render) -> Result<Vec<PathBuf>, Failure> {
     Ok(pictures)
 }
 
-fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, frame: &Frame) -> String {
+/// With fewer paths than 1/(⅓)² a mean over them differs by more than a third from seed to seed.
+const FEW_PATHS: f64 = 9.0;
+
+/// What the user should know of a picture whose indirect light rests on few paths, of which this share is seen.
+fn few_paths(
+    renderer: &Renderer,
+    profile: &SceneProfile,
+    frame: &Frame,
+    seen: Option<f64>,
+) -> Option<String> {
+    let (scene, paths, share) = (renderer.scene(), frame.path_count?, seen?);
+    // So few were asked for.
+    if f64::from(paths) < FEW_PATHS {
+        return None;
+    }
+    let black = |environment: &Environment| environment.texels.iter().all(|&texel| texel == Vec3::ZERO);
+    let shines = profile.emission
+        || scene.lights.iter().any(|light| light.intensity != Vec3::ZERO)
+        || scene.environment.as_ref().is_some_and(|environment| !black(environment));
+    let mut materials = scene.meshes.iter().flat_map(|mesh| &mesh.materials);
+    if !shines || !materials.any(|&material| scene.materials[material as usize].may_scatter()) {
+        return None;
+    }
+    let count = (share * f64::from(paths)).round();
+    let remedy = "more of them (--vpls) find what there is";
+    if frame.vpl_count == Some(0) {
+        return Some(format!("none of {paths} light paths left a VPL: there is no indirect light; {remedy}"));
+    }
+    // Where most are seen they are well spread, and as few as was asked for.
+    (count < FEW_PATHS && share < 0.5).then(|| match count {
+        0.0 => format!("none of {paths} light paths reaches what is seen: it has no indirect light; {remedy}"),
+        _ => format!(
+            "indirect light rests on {count} of {paths} light paths: pictures differ by over a third from seed to seed; {remedy}"
+        ),
+    })
+}
+
+fn header(
+    config: &RenderConfig,
+    renderer: &Renderer,
+    profile: &SceneProfile,
+    frame: &Frame,
+    seen: Option<f64>,
+) -> String {
     let info = renderer.device().info();
     let (backend, reason) = renderer.backend();
     let cpu = if info.kind == DeviceKind::Cpu { ", a CPU device" } else { "" };
@@ -254,7 +309,11 @@ fn header(config: &RenderConfig, renderer: &Renderer, profile: &SceneProfile, fr
     let _ = write!(text, "method: {}, {}", config.method.name, extent(config));
     if let (Some(vpls), Some(paths), Some(distance)) = (frame.vpl_count, frame.path_count, frame.min_distance)
     {
-        let _ = write!(text, ", {vpls} VPLs of {paths} paths, min distance {distance:.3} m");
+        let _ = write!(text, ", {vpls} VPLs of {paths} paths");
+        if let Some(share) = seen {
+            let _ = write!(text, " ({:.1} % seen)", 100.0 * share);
+        }
+        let _ = write!(text, ", min distance {distance:.3} m");
     }
     if let Some(samples) = frame.samples {
         let _ = write!(text, ", {samples} samples a pixel, at most {} edges a path", config.max_depth());

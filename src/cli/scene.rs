@@ -4,7 +4,6 @@ use super::args::Common;
 use super::failure::{Failure, input};
 use super::progress::Reporter;
 use crate::scene::{self, Camera, Environment, LoadOptions, Scene, SceneProfile, builtin};
-use glam::Vec3;
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -50,11 +49,12 @@ pub(super) fn load(
 /// The camera asked for; the first otherwise, or one that frames a scene that has none.
 fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
     if let (Some(eye), Some(target)) = (args.eye, args.look_at) {
+        let [eye, target] = [eye, target].map(|point| scene.local(point.into()));
         if eye == target {
             return Err(input!("--look-at: the same point as --eye"));
         }
         let fov = args.fov.unwrap_or(45.0).to_radians();
-        return Ok(Camera::look_at("command line", Vec3::from(eye), Vec3::from(target), fov));
+        return Ok(Camera::look_at("command line", eye, target, fov));
     }
     let Some(word) = &args.camera else {
         return Ok(scene.cameras.first().cloned().unwrap_or_else(|| scene.frame_camera()));

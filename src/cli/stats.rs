@@ -5,6 +5,7 @@ use super::economy::Economy;
 use crate::config::RenderConfig;
 use crate::renderer::{Frame, Renderer};
 use crate::scene::{Camera, SceneProfile, View};
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -17,6 +18,7 @@ pub(super) fn stats(
     renderer: &Renderer,
     profile: &SceneProfile,
     frame: &Frame,
+    paths_seen: Option<f64>,
     outputs: &[PathBuf],
     economy: Option<&Economy>,
 ) -> Value {
@@ -41,12 +43,13 @@ pub(super) fn stats(
             "images": scene.images.len(),
             "lights": scene.lights.len(),
             "environment": scene.environment.as_ref().map(|environment| &environment.name),
+            "origin": scene.origin.to_array(),
             "notes": scene.notes,
         },
         "profile": profile,
         "camera": {
             "name": camera.name,
-            "eye": camera.transform.translation.to_array(),
+            "eye": (scene.origin + DVec3::from(Vec3::from(camera.transform.translation))).to_array(),
             "forward": (-axes.z_axis).to_array(),
             "up": axes.y_axis.to_array(),
             "view": view,
@@ -54,6 +57,7 @@ pub(super) fn stats(
         "settings": config,
         "vpl_count": frame.vpl_count,
         "path_count": frame.path_count,
+        "paths_seen": paths_seen,
         "min_distance": frame.min_distance,
         "samples": frame.samples,
         "noise": frame.noise,

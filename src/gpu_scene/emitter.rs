@@ -78,8 +78,15 @@ fn mean_texel(image: &Image, texture: &TextureRef, corners: [Vec2; 3], decode: &
         };
         let column = wrap(x, image.width, texture.sampler.wrap_u);
         let row = wrap(y, image.height, texture.sampler.wrap_v);
-        let [r, g, b, _] = image.texels[row * image.width as usize + column];
-        DVec3::from([r, g, b].map(|v| decode[v as usize]))
+        let i = row * image.width as usize + column;
+        let high = image.texels[i];
+        DVec3::from_array(std::array::from_fn(|channel| match image.low_bytes().get(i) {
+            Some(low) => {
+                let value = u16::from_be_bytes([high[channel], low[channel]]);
+                srgb_to_linear(f32::from(value) / 65535.0).into()
+            }
+            None => decode[high[channel] as usize],
+        }))
     };
     let mut sum = DVec3::ZERO;
     for i in 0..count {
@@ -198,6 +205,16 @@ mod tests {
             assert!((power / total - share).abs() < 1e-7, "{i}: {power} of {total} gets {share}");
             assert!((f64::from(choices[i].probability) - power / total).abs() < 1e-7);
         }
+    }
+
+    #[test]
+    fn means_of_texels_take_all_of_their_bits() {
+        let image = Image { name: String::new(), width: 1, height: 1, texels: vec![[96; 4], [255; 4]] };
+        let texture =
+            TextureRef { image: 0, uv_set: 0, sampler: Default::default(), transform: Default::default() };
+        let mean = mean_texel(&image, &texture, [Vec2::ZERO, Vec2::X, Vec2::Y], &[0.0; 256]);
+        let expected = f64::from(srgb_to_linear(f32::from(0x60ff_u16) / 65535.0));
+        assert!((mean - DVec3::splat(expected)).length() < 1e-6, "{mean} instead of {expected}");
     }
 
     #[test]

@@ -9,8 +9,8 @@ use crate::scene::{
 use crate::shaders::{
     self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
     MATERIAL_DOUBLE_SIDED, MATERIAL_SHEER, MATERIAL_SLAB, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE,
-    SceneData, TEXTURE_NEAREST, TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP, TEXTURE_WRAP_MIRROR,
-    TEXTURE_WRAP_U_SHIFT, TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
+    SceneData, TEXTURE_DEEP, TEXTURE_NEAREST, TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP,
+    TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_U_SHIFT, TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
 };
 use crate::vk;
 use emitter::{Emitter, EnvironmentTable};
@@ -171,8 +171,11 @@ impl GpuScene {
                 };
                 texels[texture.image as usize] = Some(address);
                 *texture_slot(&mut record, usage) = textures.len() as u32;
-                let srgb = if usage.is_srgb() { TEXTURE_SRGB } else { 0 };
-                textures.push(texture_record(&texture, address, [image.width, image.height], srgb));
+                let mut flags = if usage.is_srgb() { TEXTURE_SRGB } else { 0 };
+                if !image.low_bytes().is_empty() {
+                    flags |= TEXTURE_DEEP;
+                }
+                textures.push(texture_record(&texture, address, [image.width, image.height], flags));
             }
             let mut flags = 0;
             let mut alpha_cutoff = 0.0;

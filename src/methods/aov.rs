@@ -7,7 +7,7 @@ pub enum Aov {
     Albedo,
     /// Unit shading normal in the world, turned to the camera, 3 channels.
     N,
-    /// Position in the world (m), 3 channels.
+    /// Position in the file's coordinates (m), 3 channels.
     P,
     /// Radiance by emission and direct light, 3 channels.
     Direct,

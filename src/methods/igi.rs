@@ -261,7 +261,8 @@ const TRIALS: &[Trial] = &[
     holds("small", &["indirect.visibility=boxes"]),
     holds("large", &[]),
     holds("large", &["indirect.visibility=boxes"]),
-    fails("far", &[], "hits and virtual lights are 8 mm off"),
+    holds("far", &[]),
+    holds("far", &["indirect.visibility=boxes"]),
     fails("duplicated", &[], "the default min_distance follows the area, which is twice the room's"),
     holds("duplicated", &["indirect.min_distance=0.1"]),
 ];

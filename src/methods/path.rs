@@ -145,7 +145,6 @@ const TRIALS: &[Trial] = &[
     holds("caustic-lamp", &[]),
     fails("caustic-lamp", &["path_trace.transport=direct"], "direct light goes through no glass"),
     holds("wires", &["path_trace.spp=128"]),
-    fails("far", &[], "hits are 8 mm off"),
 ];
 
 /// # Panics

@@ -9,6 +9,7 @@ use crate::methods::{Aov, FrameInfo, VplCounts};
 use crate::scene::Feature;
 use crate::techniques::{Kernels, compose, glare, tone_map};
 use crate::vk::{self, Format};
+use glam::DVec3;
 use std::sync::Arc;
 
 /// What a frame's passes leave behind.
@@ -33,6 +34,8 @@ pub(super) struct Drawing {
     pub(super) window: Window,
     /// Layers beside beauty.
     pub(super) layers: Vec<Aov>,
+    /// Where kernels' coordinates begin, in the file's (m).
+    pub(super) origin: DVec3,
 }
 
 impl Drawing {
@@ -115,13 +118,8 @@ impl Tickets {
         })
     }
 
-    pub(super) fn redeem(
-        self,
-        run: &mut Run,
-        [width, height]: [u32; 2],
-        aovs: &[Aov],
-        taps: Vec<(String, Tap)>,
-    ) -> Frame {
+    pub(super) fn redeem(self, run: &mut Run, drawing: &Drawing, taps: Vec<(String, Tap)>) -> Frame {
+        let [width, height] = drawing.window.extent;
         let mut images =
             self.images.into_iter().map(|ticket| run.take(ticket)).collect::<Vec<_>>().into_iter();
         let layer = |texels: Vec<[f32; 4]>, channels: std::ops::Range<usize>| Layer {
@@ -131,7 +129,10 @@ impl Tickets {
             data: texels.iter().flat_map(|texel| texel[channels.clone()].iter().copied()).collect(),
         };
         let beauty = layer(images.next().unwrap_or_default(), 0..3);
-        let aovs = aovs.iter().zip(images).map(|(&aov, texels)| {
+        let aovs = drawing.layers.iter().zip(images).map(|(&aov, mut texels)| {
+            if aov == Aov::P && drawing.origin != DVec3::ZERO {
+                texels.iter_mut().for_each(|texel| *texel = in_file(*texel, drawing.origin));
+            }
             (aov, layer(texels, aov.first_channel()..aov.first_channel() + aov.channels()))
         });
         let aovs = aovs.collect();
@@ -155,6 +156,11 @@ impl Tickets {
             ..Frame::default()
         }
     }
+}
+
+/// A position in the file's coordinates; the fourth number is the share of samples that hit something.
+fn in_file([x, y, z, hit]: [f32; 4], origin: DVec3) -> [f32; 4] {
+    (DVec3::new(x.into(), y.into(), z.into()) + origin * f64::from(hit)).as_vec3().extend(hit).to_array()
 }
 
 /// Images keep their shape, buffers become a row of words; integers keep their bits.

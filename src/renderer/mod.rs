@@ -13,6 +13,7 @@ mod measure;
 mod plan;
 mod prepared;
 mod request;
+mod seen;
 mod stepper;
 mod submit;
 mod times;

@@ -34,7 +34,8 @@ pub fn plan(
         info.means = Some(means_of((progressive.adaptive)(config), aovs, image));
         info.samples = 1;
     }
-    let drawing = Drawing { config: config.clone(), kernels, window, layers: aovs.to_vec() };
+    let drawing =
+        Drawing { config: config.clone(), kernels, window, layers: aovs.to_vec(), origin: scene.origin };
     let recorded = drawing.record(&mut g, &info, aovs, &[], 0);
     Tickets::take(&mut g, config, recorded, true);
     Ok(g.plan(requirements)?)

@@ -11,6 +11,7 @@ use crate::shaders::SceneData;
 use crate::techniques::Kernels;
 use crate::techniques::indirect::{IndirectConfig, Visibility};
 use crate::vk::{self, Backend};
+use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,6 +23,9 @@ pub struct Prepared {
     /// By mirror roughness, its bits.
     profiles: Mutex<Vec<(u32, SceneProfile)>>,
     area: f32,
+    /// Where kernels' coordinates begin, in the file's and in those of `scene` (m).
+    origin: DVec3,
+    offset: DVec3,
     revision: u64,
     backend: Backend,
     reason: String,
@@ -53,6 +57,8 @@ impl Clone for Prepared {
             resident: Arc::clone(&self.resident),
             profiles: Mutex::new(self.profiles.lock().unwrap_or_else(PoisonError::into_inner).clone()),
             area: self.area,
+            origin: self.origin,
+            offset: self.offset,
             revision: self.revision,
             backend: self.backend,
             reason: self.reason.clone(),
@@ -74,11 +80,14 @@ impl Prepared {
         reason: String,
         split: bool,
     ) -> Result<Self, Error> {
-        let geometry = Geometry::of(&scene)?;
-        let gpu = GpuScene::upload(device, &scene, &geometry)?;
+        let near = scene.near_origin();
+        let geometry = Geometry::of(&near)?;
+        let gpu = GpuScene::upload(device, &near, &geometry)?;
         let structure = Structure::build(device, backend, &geometry, split)?;
         Ok(Self {
-            area: scene.area() as f32,
+            area: near.area() as f32,
+            origin: near.origin,
+            offset: near.origin - scene.origin,
             scene: Arc::new(scene),
             resident: Arc::new(Resident { structure, gpu }),
             profiles: Mutex::default(),
@@ -123,6 +132,17 @@ impl Prepared {
     #[must_use]
     pub fn area(&self) -> f32 {
         self.area
+    }
+
+    /// Where kernels' coordinates begin, in the file's (m): 0 unless the scene [is far from there](Scene::near_origin).
+    #[must_use]
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Where kernels' coordinates begin, in the scene's (m).
+    pub(super) fn offset(&self) -> DVec3 {
+        self.offset
     }
 
     /// Changes whenever an edit [invalidates pictures](Invalidated::pictures); no two scenes have the same.
@@ -192,7 +212,8 @@ impl Prepared {
     pub fn set_lights(&mut self, lights: Vec<Light>) -> Result<Invalidated, Error> {
         Scene::validate_lights(&lights)?;
         let mut gpu = self.resident.gpu.clone();
-        gpu.set_lights(&self.device, &lights)?;
+        let near: Vec<_> = lights.iter().map(|light| light.moved(-self.offset)).collect();
+        gpu.set_lights(&self.device, &near)?;
         let mut pipelines = false;
         for (_, profile) in self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner) {
             let before = profile.clone();
@@ -221,7 +242,7 @@ impl Prepared {
             return Err(Error::SoftwareOnly { visibility: config.visibility.name() });
         }
         let mut structure = self.resident.structure.clone();
-        let geometry = Geometry::of(&self.scene)?;
+        let geometry = Geometry::of(&self.scene.near_origin())?;
         if config.visibility == Visibility::BoxesInline && !structure.is_whole() {
             structure.rebuild_whole(&self.device, &geometry)?;
         }

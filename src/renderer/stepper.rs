@@ -181,7 +181,7 @@ impl Stepper {
                 None => config.pixel_samples,
             },
             taken: 0,
-            drawing: Drawing { config: config.clone(), kernels, window, layers },
+            drawing: Drawing { config: config.clone(), kernels, window, layers, origin: renderer.origin() },
             camera: camera.clone(),
             modelled: request.modelled.to_vec(),
             taps: request.taps.to_vec(),
@@ -495,7 +495,7 @@ impl Stepper {
             }
             let Some(Brings { tickets, taps, halves }) = front.brings else { continue };
             let halves = halves.map(|halves| halves.map(|half| colours(&run.take(half))));
-            let mut frame = tickets.redeem(&mut run, self.drawing.window.extent, &self.drawing.layers, taps);
+            let mut frame = tickets.redeem(&mut run, &self.drawing, taps);
             if matches!(self.images, Images::Growing(_)) {
                 frame.samples = Some(front.taken);
                 let halves = halves.filter(|_| front.taken > 1);

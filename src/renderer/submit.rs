@@ -88,7 +88,7 @@ impl Renderer {
     ) -> Result<Arc<SceneSet>, Error> {
         let resident = Arc::clone(self.prepared.resident());
         let data = shaders::SceneData {
-            camera: camera_data(camera, config.size),
+            camera: camera_data(&camera.moved(-self.prepared.offset()), config.size),
             full_size: config.size,
             window_origin: Window::of(config).traced_origin,
             pixel_offset: pixel_offset.to_array(),

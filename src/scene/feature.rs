@@ -21,6 +21,8 @@ pub enum Feature {
     SmoothCoats,
     /// Textures of the clear coat's strength or roughness.
     ClearcoatTextures,
+    /// Textures of 16 bits a channel.
+    DeepTextures,
     /// A second set of texture coordinates.
     Uv1,
     /// Vertex colours.
@@ -69,6 +71,7 @@ impl Feature {
         Self::Clearcoat,
         Self::SmoothCoats,
         Self::ClearcoatTextures,
+        Self::DeepTextures,
         Self::Uv1,
         Self::VertexColors,
         Self::SmoothNormals,
@@ -101,6 +104,7 @@ impl Feature {
             Self::Clearcoat => "clear coats",
             Self::SmoothCoats => "clear coats that mirror",
             Self::ClearcoatTextures => "textures of clear coats",
+            Self::DeepTextures => "textures of 16 bits a channel",
             Self::Uv1 => "second texture coordinates",
             Self::VertexColors => "vertex colours",
             Self::SmoothNormals => "shading normals",
@@ -136,6 +140,7 @@ impl SceneProfile {
             Feature::Clearcoat => &mut self.clearcoat,
             Feature::SmoothCoats => &mut self.smooth_coats,
             Feature::ClearcoatTextures => &mut self.clearcoat_textures,
+            Feature::DeepTextures => &mut self.deep_textures,
             Feature::Uv1 => &mut self.uv1,
             Feature::VertexColors => &mut self.vertex_colors,
             Feature::SmoothNormals => &mut self.smooth_normals,

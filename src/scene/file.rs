@@ -31,7 +31,7 @@ pub(super) fn beside(file: &Path, relative: &str) -> Result<PathBuf, String> {
     Ok(file.parent().unwrap_or(Path::new("")).join(relative))
 }
 
-/// Decodes PNG or JPEG of any depth and colour type into 8-bit RGBA.
+/// Decodes PNG or JPEG of any depth and colour type into RGBA, of 16 bits a channel where 8 do not hold what is there.
 pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
     let corrupt = |error: &dyn std::fmt::Display| format!("can't be decoded: {error}");
     let mut reader =
@@ -44,8 +44,21 @@ pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
     limits.max_image_height = Some(MAX_IMAGE_SIDE);
     limits.max_alloc = Some(u64::from(MAX_IMAGE_SIDE) * u64::from(MAX_IMAGE_SIDE) * 8);
     reader.limits(limits);
-    let decoded = reader.decode().map_err(|e| corrupt(&e))?.into_rgba8();
-    let (width, height) = decoded.dimensions();
-    let texels = bytemuck::cast_vec(decoded.into_raw());
+    let decoded = reader.decode().map_err(|e| corrupt(&e))?;
+    let (width, height) = (decoded.width(), decoded.height());
+    let mut texels: Vec<[u8; 4]> = Vec::new();
+    let color = decoded.color();
+    if color.bytes_per_pixel() == 2 * color.channel_count() {
+        let samples = decoded.into_rgba16().into_raw();
+        let plane =
+            |shift: u32| samples.chunks_exact(4).map(move |s| [0, 1, 2, 3].map(|i| (s[i] >> shift) as u8));
+        texels.extend(plane(8));
+        // 257 v of 65 535 is v of 255.
+        if samples.iter().any(|sample| sample % 257 != 0) {
+            texels.extend(plane(0));
+        }
+    } else {
+        texels = bytemuck::cast_vec(decoded.into_rgba8().into_raw());
+    }
     Ok(Image { name: name.to_owned(), width, height, texels })
 }

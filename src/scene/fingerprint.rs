@@ -1,4 +1,5 @@
 use super::{Camera, Scene};
+use glam::DVec3;
 use std::fmt::{self, Write};
 
 /// FNV-1a, 64 bits.
@@ -53,6 +54,9 @@ impl Scene {
         let rest = (&self.instances, &self.materials, &self.lights, camera.transform, camera.view);
         // Writing to a hash never fails.
         let _ = write!(hash, "{rest:?}");
+        if self.origin != DVec3::ZERO {
+            hash.array(&self.origin.to_array());
+        }
         hash.0
     }
 }

@@ -6,7 +6,7 @@ pub const MAX_TRIANGLES: usize = 1 << 28;
 pub const MAX_VERTICES: usize = 1 << 28;
 /// Largest side of an image (texels).
 pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
-/// Most texels of all images together.
+/// Most texels of all images together; those of 16 bits a channel count twice.
 pub const MAX_TEXELS: usize = 1 << 29;
 /// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
 /// and lights may be ten times as far.

@@ -302,7 +302,8 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// 8-bit RGBA texels, row 0 at the top; colours sRGB-encoded, all else linear, as each use of the image says.
+/// RGBA texels of 8 or 16 bits a channel, row 0 at the top; colours sRGB-encoded, all else linear, as each use of the image
+/// says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// URI or name.
@@ -311,8 +312,20 @@ pub struct Image {
     pub width: u32,
     /// Height in texels.
     pub height: u32,
-    /// `width * height` texels.
+    /// `width * height` texels; of 16 bits their high bytes, and behind them as many low bytes.
     pub texels: Vec<[u8; 4]>,
+}
+
+impl Image {
+    /// Texels.
+    pub(super) fn count(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Low bytes of its texels; none where they have 8 bits a channel.
+    pub(crate) fn low_bytes(&self) -> &[[u8; 4]] {
+        self.texels.get(self.count()..).unwrap_or_default()
+    }
 }
 
 /// Linear value of an sRGB-encoded one in [0, 1] (IEC 61966-2-1).

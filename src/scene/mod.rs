@@ -14,6 +14,7 @@ mod light;
 mod limits;
 mod material;
 mod mesh;
+mod origin;
 mod profile;
 mod slab;
 mod tangent;

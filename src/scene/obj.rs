@@ -17,12 +17,13 @@
 //! All else in a material, `Tf` and other maps among it, is left out.
 
 use super::limits::{MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
+use super::origin::Around;
 use super::{
     AlphaMode, Image, Instance, LoadOptions, Material, Mesh, Scene, SceneError, TextureRef, TextureTransform,
     Volume, Wrap,
 };
 use super::{file, import};
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -37,14 +38,24 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
         return Err(SceneError::new(path, "scenes", format!("no scene `{scene}`: an OBJ file is one scene")));
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut reader = Reader::new(path, name);
-    for (number, line) in statements(&read_text(path)?) {
-        reader.statement(&line).map_err(|defect| match defect {
-            Defect::Here(problem) => SceneError::new(path, format!("line {number}"), problem),
-            Defect::There(error) => error,
-        })?;
+    let text = read_text(path)?;
+    let read = |origin| -> Result<Reader<'_>, SceneError> {
+        let mut reader = Reader::new(path, name.clone(), origin);
+        for (number, line) in statements(&text) {
+            reader.statement(&line).map_err(|defect| match defect {
+                Defect::Here(problem) => SceneError::new(path, format!("line {number}"), problem),
+                Defect::There(error) => error,
+            })?;
+        }
+        reader.end_mesh();
+        Ok(reader)
+    };
+    let reader = read(DVec3::ZERO)?;
+    let placed = vec![DAffine3::IDENTITY; reader.scene.instances.len()];
+    match Around::of(&reader.scene, &placed, 0.0) {
+        Some(around) => read(around.origin)?.finish(),
+        None => reader.finish(),
     }
-    reader.finish()
 }
 
 /// A defect in the line at hand, or one located already in another file.
@@ -128,10 +139,10 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, name: String) -> Self {
+    fn new(path: &'a Path, name: String, origin: DVec3) -> Self {
         Self {
             path,
-            scene: Scene { name, ..Scene::default() },
+            scene: Scene { name, origin, ..Scene::default() },
             positions: Vec::new(),
             colors: Vec::new(),
             uvs: Vec::new(),
@@ -155,7 +166,10 @@ impl<'a> Reader<'a> {
         let keyword = words.next().unwrap_or_default();
         let rest = line[keyword.len()..].trim();
         match keyword {
-            "v" => self.vertex(&numbers(words)?)?,
+            "v" => {
+                let values = numbers(words.clone())?;
+                self.vertex(&values, words)?;
+            }
             "vt" => match numbers(words)?[..] {
                 [u] => self.uvs.push(Vec2::new(u, 1.0)),
                 [u, v] | [u, v, _] => self.uvs.push(Vec2::new(u, 1.0 - v)),
@@ -184,7 +198,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn vertex(&mut self, values: &[f32]) -> Result<(), String> {
+    /// `words` are those of `values`.
+    fn vertex(&mut self, values: &[f32], words: SplitWhitespace<'_>) -> Result<(), String> {
         let color = match *values {
             [_, _, _] | [_, _, _, _] => None,
             [_, _, _, r, g, b] => Some(Vec4::new(r, g, b, 1.0).clamp(Vec4::ZERO, Vec4::ONE)),
@@ -199,7 +214,12 @@ impl<'a> Reader<'a> {
         } else if !self.colors.is_empty() {
             self.colors.push(Vec4::ONE);
         }
-        self.positions.push(Vec3::new(values[0], values[1], values[2]));
+        let mut position = Vec3::new(values[0], values[1], values[2]);
+        if self.scene.origin != DVec3::ZERO {
+            let exact: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
+            position = self.scene.local(DVec3::from_slice(&exact));
+        }
+        self.positions.push(position);
         Ok(())
     }
 
@@ -378,8 +398,7 @@ impl<'a> Reader<'a> {
         Ok(TextureRef { image, ..map.reference })
     }
 
-    fn finish(mut self) -> Result<Scene, SceneError> {
-        self.end_mesh();
+    fn finish(self) -> Result<Scene, SceneError> {
         let mut scene = self.scene;
         if self.points_and_lines > 0 {
             scene.notes.push(format!("{} statements of points or lines are left out", self.points_and_lines));

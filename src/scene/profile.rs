@@ -1,5 +1,5 @@
 use super::material::TextureUse;
-use super::{AlphaMode, Light, LightKind, Material, Scene};
+use super::{AlphaMode, Image, Light, LightKind, Material, Scene};
 use glam::Vec3;
 
 /// What a scene needs from a renderer; whatever it does not need is left out of the pipeline. Only materials of
@@ -30,6 +30,8 @@ pub struct SceneProfile {
     pub clearcoat: bool,
     /// Textures of the clear coat's strength or roughness.
     pub clearcoat_textures: bool,
+    /// Textures of 16 bits a channel.
+    pub deep_textures: bool,
     /// Textures that use the second coordinate set.
     pub uv1: bool,
     /// Vertex colours.
@@ -104,7 +106,7 @@ impl SceneProfile {
         for material in
             scene.materials.iter().zip(used).filter_map(|(material, used)| used.then_some(material))
         {
-            profile.add(material, mirror_roughness);
+            profile.add(material, &scene.images, mirror_roughness);
         }
         profile.set_lights(&scene.lights);
         profile
@@ -122,7 +124,7 @@ impl SceneProfile {
         }
     }
 
-    fn add(&mut self, material: &Material, mirror_roughness: f32) {
+    fn add(&mut self, material: &Material, images: &[Image], mirror_roughness: f32) {
         self.materials += 1;
         for (usage, texture) in material.textures() {
             // Unlit surfaces show their base colour only.
@@ -130,6 +132,7 @@ impl SceneProfile {
                 continue;
             }
             self.uv1 |= texture.uv_set == 1;
+            self.deep_textures |= !images[texture.image as usize].low_bytes().is_empty();
             *match usage {
                 TextureUse::BaseColor => &mut self.textures,
                 TextureUse::MetallicRoughness => &mut self.metallic_roughness_textures,
@@ -208,6 +211,7 @@ impl SceneProfile {
                 self.clearcoat && !self.clearcoat_textures,
                 "no textures of clear coats: one strength and roughness a material",
             ),
+            (any && !self.deep_textures, "no textures of 16 bits a channel: 8 are read"),
             (any && !self.uv1, "no texture uses the second coordinate set: it is not uploaded"),
             (!self.vertex_colors, "no vertex colours: they are not read"),
             (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),

@@ -134,7 +134,7 @@ impl Image {
                 ));
             }
         }
-        if self.texels.len() != self.width as usize * self.height as usize {
+        if ![self.count(), 2 * self.count()].contains(&self.texels.len()) {
             return Err(format!("{} texels for {}×{}", self.texels.len(), self.width, self.height));
         }
         Ok(())
@@ -212,7 +212,7 @@ pub(super) fn invertible(transform: &Affine3A) -> bool {
 impl Scene {
     /// Checks what renderers rely on: indices between the scene's parts, lengths of attributes, values finite
     /// and in their ranges, transforms invertible, sizes within [`MAX_TRIANGLES`], [`MAX_VERTICES`],
-    /// [`MAX_TEXELS`], [`MAX_IMAGE_SIDE`] and [`MAX_COORDINATE`].
+    /// [`MAX_TEXELS`], [`MAX_IMAGE_SIDE`] and, in the file's coordinates, [`MAX_COORDINATE`].
     ///
     /// # Errors
     /// The first defect; its file is `scene`.
@@ -258,7 +258,8 @@ impl Scene {
                 return Err(fail(element(), "its transform can't be inverted".into()));
             }
             for &position in &mesh.positions {
-                within_reach("a vertex at", instance.transform.transform_point3(position), MAX_COORDINATE)
+                let placed = instance.transform.transform_point3(position).as_dvec3() + self.origin;
+                within_reach("a vertex at", placed.as_vec3(), MAX_COORDINATE)
                     .map_err(|problem| fail(element(), problem))?;
             }
         }

@@ -1,7 +1,7 @@
 //! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
 use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::f32::consts::{FRAC_PI_4, PI};
 
 /// A scene as loaded or made in code. Indices between its parts are checked by [`Scene::validate`].
@@ -9,6 +9,9 @@ use std::f32::consts::{FRAC_PI_4, PI};
 pub struct Scene {
     /// File stem or `builtin:` name; used for default output names.
     pub name: String,
+    /// Where the scene's origin lies in the file's coordinates (m). Instances, lights and cameras are relative to it. Not 0
+    /// where [`near_origin`](Self::near_origin) says why.
+    pub origin: DVec3,
     /// Geometry in object space.
     pub meshes: Vec<Mesh>,
     /// Placements of meshes in the world.

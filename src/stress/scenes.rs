@@ -131,10 +131,11 @@ pub(super) fn large() -> Scene {
     scaled(1e4)
 }
 
-/// The furnished room far away, where positions are 8 mm apart; those of its corners are among them.
+/// The furnished room, so large that its corners, light and camera are at whole metres, far away, where positions are 1 m
+/// apart.
 pub(super) fn far() -> Scene {
-    let mut scene = furnished();
-    let offset = Vec3::splat(1e5);
+    let mut scene = scaled(80.0);
+    let offset = Vec3::splat(1e7);
     // Vertices, not the instance: that is how far geometry comes out of files.
     scene.meshes[0].positions.iter_mut().for_each(|position| *position += offset);
     scene.lights[0].position += offset;

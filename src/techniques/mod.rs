@@ -46,6 +46,7 @@ impl Kernels {
             alpha_mask: profile.alpha_mask,
             instanced: profile.instanced,
             textures: profile.textures,
+            deep_textures: profile.deep_textures,
             uv1: profile.uv1,
             vertex_colors: profile.vertex_colors,
             smooth_normals: profile.smooth_normals,

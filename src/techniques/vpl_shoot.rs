@@ -18,7 +18,7 @@ use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Res};
 use crate::shaders::{
     BLOCK_SLOTS, Vpl,
-    vpl_shoot::{compact, count, paths, scan},
+    vpl_shoot::{compact, count, paths, scan, seen, view},
 };
 
 /// How virtual point lights are made.
@@ -118,6 +118,40 @@ pub fn compact(g: &mut Graph, config: &VplShootConfig, paths: &Paths, subsets: u
         g.pass("compact", &compact::kernel(spec), bind, params, grid);
         let subset_slots = config.paths().div_ceil(subsets) * config.bounces;
         Vpls { list, count: counts, slots: config.slots(), subset_slots, bounces: config.bounces }
+    })
+}
+
+/// Which paths light anything that is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Position, shading and geometric normal (nine numbers) of points that the camera sees; normals 0 where it sees none.
+    pub points: Res<Buffer>,
+    /// An unsigned integer each: 1 if a VPL of the path lights any of them.
+    pub paths: Res<Buffer>,
+}
+
+/// Points seen along a side of the picture.
+const POINTS_SIDE: u32 = 16;
+
+/// Asks of every path for points all over the window of `extent` pixels that begins at pixel `origin`.
+pub fn seen(
+    g: &mut Graph,
+    k: &Kernels,
+    config: &VplShootConfig,
+    paths: &Paths,
+    origin: [u32; 2],
+    extent: [u32; 2],
+) -> Seen {
+    g.group("vpl_shoot", |g| {
+        let count = POINTS_SIDE * POINTS_SIDE;
+        let points = g.buffer("points", u64::from(count) * 36);
+        let params = view::Params { origin, extent, side: POINTS_SIDE };
+        g.pass("view", &view::kernel(&k.scene), view::Bind { points }, params, Grid::Of([count, 1, 1]));
+        let found = g.buffer("seen", 4 * u64::from(config.paths()));
+        let bind = seen::Bind { slots: paths.slots, points, seen: found };
+        let params = seen::Params { paths: config.paths(), bounces: config.bounces, points: count };
+        g.pass("seen", &seen::kernel(&k.scene), bind, params, Grid::Of([config.paths(), 1, 1]));
+        Seen { points, paths: found }
     })
 }
 

@@ -7,6 +7,8 @@ use std::path::Path;
 pub(super) struct Context<'a> {
     pub(super) file: &'a Path,
     pub(super) root: &'a json::Root,
+    /// The nodes as they are in the file, with all digits of their numbers.
+    pub(super) nodes: &'a json::Value,
     /// Data of each buffer, as long as it declares; none where it has no URI.
     pub(super) buffers: &'a [Option<Cow<'a, [u8]>>],
     /// Vertex attributes may have the types of `KHR_mesh_quantization`.

@@ -8,7 +8,7 @@ use crate::scene::{Mesh, SceneError};
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::ops::Range;
 
 /// What all meshes read so far amount to and lack.
@@ -69,12 +69,13 @@ fn triangles(mode: Mode, corners: &[u32]) -> (Vec<[u32; 3]>, usize) {
 }
 
 impl Context<'_> {
-    /// Reads mesh `index` in the pose of `weights` (the node's, or else the mesh's own). Triangles without a
-    /// material get the one behind the file's last.
+    /// Reads mesh `index` in the pose of `weights` (the node's, or else the mesh's own), its positions relative to `origin`.
+    /// Triangles without a material get the one behind the file's last.
     pub(super) fn mesh(
         &self,
         index: usize,
         weights: Option<&[f32]>,
+        origin: DVec3,
         tally: &mut Tally,
     ) -> Result<Mesh, SceneError> {
         let source = &self.root.meshes[index];
@@ -114,7 +115,7 @@ impl Context<'_> {
             }
             let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
             let base = mesh.positions.len() as u32;
-            self.append(&mut mesh, primitive, &element, weights, &used)?;
+            self.append(&mut mesh, primitive, &element, (weights, origin), &used)?;
             if let Some(tangents) = self.tangents(primitive, &element, &used)? {
                 mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
                 mesh.tangents.extend(triangles.iter().map(|t| t.map(|v| tangents[v as usize])));
@@ -240,7 +241,7 @@ impl Context<'_> {
         mesh: &mut Mesh,
         primitive: &Primitive,
         element: &str,
-        weights: &[f32],
+        (weights, origin): (&[f32], DVec3),
         used: &[u32],
     ) -> Result<(), SceneError> {
         let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
@@ -250,9 +251,11 @@ impl Context<'_> {
         let pick = |v: u32| v as usize - range.start;
 
         let positions =
-            self.posed(primitive, element, weights, Semantic::Positions, range.clone())?.unwrap_or_default();
+            self.posed(primitive, element, (weights, origin), Semantic::Positions, range.clone())?;
+        let positions = positions.unwrap_or_default();
         mesh.positions.extend(used.iter().map(|&v| positions[pick(v)]));
-        if let Some(normals) = self.posed(primitive, element, weights, Semantic::Normals, range.clone())? {
+        let pose = (weights, DVec3::ZERO);
+        if let Some(normals) = self.posed(primitive, element, pose, Semantic::Normals, range.clone())? {
             mesh.normals.resize(base, Vec3::ZERO);
             mesh.normals.extend(used.iter().map(|&v| unit_normal(normals[pick(v)])));
         } else if !mesh.normals.is_empty() {
@@ -283,17 +286,19 @@ impl Context<'_> {
         Ok(())
     }
 
-    /// Positions or normals with the weighted sum of morph targets added.
+    /// Positions or normals, relative to `origin`, with the weighted sum of morph targets added.
     fn posed(
         &self,
         primitive: &Primitive,
         element: &str,
-        weights: &[f32],
+        (weights, origin): (&[f32], DVec3),
         semantic: Semantic,
         range: Range<usize>,
     ) -> Result<Option<Vec<Vec3>>, SceneError> {
         let Some(base) = self.attribute(primitive, element, semantic.clone())? else { return Ok(None) };
         let mut values: Vec<Vec3> = base.floats::<3>(range.clone())?.into_iter().map(Vec3::from).collect();
+        let relative = if origin == DVec3::ZERO { &[] } else { &values[..] };
+        let mut relative: Vec<DVec3> = relative.iter().map(|value| value.as_dvec3() - origin).collect();
         let targets = primitive.targets.as_deref().unwrap_or(&[]);
         if !weights.is_empty() && targets.len() != weights.len() {
             let problem = format!("{} morph targets, but {} weights", targets.len(), weights.len());
@@ -303,12 +308,17 @@ impl Context<'_> {
             let accessor = if semantic == Semantic::Positions { target.positions } else { target.normals };
             let Some(accessor) = accessor.filter(|_| weight != 0.0) else { continue };
             let deltas = self.typed(accessor.value(), &format!("{element}.targets[{i}]"), &semantic)?;
-            for (value, delta) in values.iter_mut().zip(deltas.floats::<3>(range.clone())?) {
+            let deltas = deltas.floats::<3>(range.clone())?;
+            for (value, &delta) in values.iter_mut().zip(&deltas) {
                 *value += weight * Vec3::from(delta);
+            }
+            for (value, &delta) in relative.iter_mut().zip(&deltas) {
+                *value += f64::from(weight) * Vec3::from(delta).as_dvec3();
             }
         }
         match values.iter().position(|v| !v.is_finite()) {
-            None => Ok(Some(values)),
+            None if relative.is_empty() => Ok(Some(values)),
+            None => Ok(Some(relative.into_iter().map(|value| value.as_vec3()).collect())),
             Some(i) => Err(self.error(element, format!("morphed vertex {} is not finite", range.start + i))),
         }
     }

@@ -9,6 +9,7 @@ mod context;
 mod geometry;
 mod material;
 
+use super::origin::{self, Around};
 use super::{Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
 use super::{file, import};
 use ::gltf::json;
@@ -54,16 +55,16 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
     let binary =
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) || bytes.starts_with(b"glTF");
     let (json, chunk) = if binary { container::split(path, bytes)? } else { (bytes, None) };
-    let root = parse(path, json)?;
+    let (root, nodes) = parse(path, json)?;
     let buffers = buffers(path, &root, binary, chunk)?;
     let quantized = root.extensions_used.iter().any(|name| name == "KHR_mesh_quantization");
-    let context = Context { file: path, root: &root, buffers: &buffers, quantized };
+    let context = Context { file: path, root: &root, nodes: &nodes, buffers: &buffers, quantized };
     context.check_structure()?;
     context.scene(options)
 }
 
-/// Types the JSON and checks all indices in it.
-fn parse(path: &Path, text: &[u8]) -> Result<json::Root, SceneError> {
+/// Types the JSON and checks all indices in it. Nodes come as they are, too.
+fn parse(path: &Path, text: &[u8]) -> Result<(json::Root, json::Value), SceneError> {
     let mut value: json::Value =
         from_slice(text).map_err(|error| SceneError::new(path, "JSON", error.to_string()))?;
     drop_extras(&mut value);
@@ -100,7 +101,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<json::Root, SceneError> {
             first = Some(SceneError::new(path, at, problem));
         }
     });
-    first.map_or(Ok(root), Err)
+    let nodes = value.get_mut("nodes").map_or(json::Value::Null, json::Value::take);
+    first.map_or(Ok((root, nodes)), Err)
 }
 
 /// `extras` concern nobody here, and those of lights can't be typed by the crate.
@@ -184,6 +186,19 @@ fn buffers<'a>(
         .collect()
 }
 
+/// What is read of nodes.
+struct Read {
+    scene: Scene,
+    /// Of its instances.
+    transforms: Vec<DAffine3>,
+    /// How far from the origin nodes are that lead to them (m).
+    detour: f64,
+    tally: geometry::Tally,
+    skinned: usize,
+    /// Lights with a range.
+    ranged: usize,
+}
+
 impl Context<'_> {
     /// Everything that is checked whether the scene shows it or not.
     fn check_structure(&self) -> Result<(), SceneError> {
@@ -204,7 +219,7 @@ impl Context<'_> {
             }
             let unseen = (0..shown.len()).filter(|&mesh| !shown[mesh]);
             unseen
-                .map(|mesh| self.mesh(mesh, None, &mut geometry::Tally::default()))
+                .map(|mesh| self.mesh(mesh, None, DVec3::ZERO, &mut geometry::Tally::default()))
                 .try_for_each(|m| m.map(drop))?;
         }
         (0..self.root.cameras.len()).try_for_each(|i| self.view(i).map(drop))?;
@@ -285,20 +300,37 @@ impl Context<'_> {
 
     fn scene(&self, options: &LoadOptions) -> Result<Scene, SceneError> {
         let (roots, element) = self.roots(options)?;
+        let mut read = self.placed_parts(&roots, None)?;
+        if let Some(around) = Around::of(&read.scene, &read.transforms, read.detour) {
+            read = self.placed_parts(&roots, Some(&around))?;
+        }
+        let Read { mut scene, tally, skinned, ranged, .. } = read;
+        self.materials(&mut scene)?;
+        self.note(&mut scene, &tally, skinned, ranged);
+        import::finish(scene, self.file, &element)
+    }
+
+    /// Meshes, instances, lights and cameras; in double precision about other points where there are some.
+    fn placed_parts(&self, roots: &[usize], around: Option<&Around>) -> Result<Read, SceneError> {
         let mut scene = Scene {
             name: self.file.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            origin: around.map_or(DVec3::ZERO, |around| around.origin),
             ..Scene::default()
         };
         let lights = self.lights()?;
         let mut tally = geometry::Tally::default();
         let mut meshes: HashMap<(usize, Option<Vec<u32>>), u32> = HashMap::new();
-        let mut skinned = 0;
-        let mut stack: Vec<(usize, DAffine3)> =
-            roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY)).collect();
-        while let Some((i, parent)) = stack.pop() {
+        let mut transforms = Vec::new();
+        let (mut skinned, mut ranged) = (0, 0);
+        let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
+        let mut detour = 0.0_f64;
+        let mut stack: Vec<(usize, DAffine3, f64)> =
+            roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0)).collect();
+        while let Some((i, parent, way)) = stack.pop() {
             let node = &self.root.nodes[i];
-            let world = parent * self.local_transform(i)?;
-            stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world)));
+            let world = parent * self.local_transform(i, around.is_some())?;
+            let way = way.max(world.translation.length());
+            stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world, way)));
             if let Some(mesh) = node.mesh.map(|mesh| mesh.value()) {
                 skinned += usize::from(node.skin.is_some());
                 let weights = node.weights.as_deref().filter(|w| !w.is_empty());
@@ -306,26 +338,32 @@ impl Context<'_> {
                 let mesh = match meshes.get(&key) {
                     Some(&mesh) => mesh,
                     None => {
-                        scene.meshes.push(self.mesh(mesh, weights, &mut tally)?);
-                        let slot = scene.meshes.len() as u32 - 1;
-                        meshes.insert(key, slot);
-                        slot
+                        let slot = scene.meshes.len();
+                        let offset = around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
+                        scene.meshes.push(self.mesh(mesh, weights, offset, &mut tally)?);
+                        meshes.insert(key, slot as u32);
+                        slot as u32
                     }
                 };
                 let name = node.name.clone().unwrap_or_else(|| scene.meshes[mesh as usize].name.clone());
-                scene.instances.push(Instance { name, mesh, transform: self.world_f32(i, world)? });
+                let placement = around.map_or(world, |around| around.placement(mesh as usize, &world));
+                scene.instances.push(Instance { name, mesh, transform: self.world_f32(i, placement)? });
+                transforms.push(placement);
+                detour = detour.max(way);
             }
+            let world = DAffine3 { translation: world.translation - scene.origin, ..world };
             if let Some(camera) = node.camera {
                 scene.cameras.push(self.camera(i, camera.value(), world)?);
             }
             let light = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
-            if let Some(light) = light.and_then(|l| lights.get(l.light.value())) {
+            if let Some((light, source)) =
+                light.map(|l| (&lights[l.light.value()], &sources[l.light.value()]))
+            {
+                ranged += usize::from(light.kind != LightKind::Directional && source.range.is_some());
                 scene.lights.push(self.placed(i, light, world)?);
             }
         }
-        self.materials(&mut scene)?;
-        self.note(&mut scene, &tally, skinned);
-        import::finish(scene, self.file, &element)
+        Ok(Read { scene, transforms, detour, tally, skinned, ranged })
     }
 
     /// All materials in file order, with textures where a triangle uses them.
@@ -378,7 +416,7 @@ impl Context<'_> {
         Ok(())
     }
 
-    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, skinned: usize) {
+    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, skinned: usize, ranged: usize) {
         let mut note = |holds: bool, text: String| {
             if holds {
                 scene.notes.push(text);
@@ -395,6 +433,12 @@ impl Context<'_> {
         note(
             tally.incomplete > 0,
             format!("{} vertices behind the last whole triangle are left out", tally.incomplete),
+        );
+        note(
+            ranged > 0,
+            format!(
+                "the range of {ranged} lights, a hint, is left out: their light falls off by the inverse square for ever"
+            ),
         );
         note(skinned > 0, format!("{skinned} skinned meshes are shown undeformed"));
         note(
@@ -415,8 +459,9 @@ impl Context<'_> {
         note(!unknown.is_empty(), format!("extensions left out: {}", unknown.join(", ")));
     }
 
-    /// Transform of a node in its parent; 64 bits keep deep chains exact enough.
-    fn local_transform(&self, index: usize) -> Result<DAffine3, SceneError> {
+    /// Transform of a node in its parent; 64 bits keep deep chains exact enough. Its numbers are those of the file, to 32
+    /// bits or, if `exact`, to 64.
+    fn local_transform(&self, index: usize, exact: bool) -> Result<DAffine3, SceneError> {
         let node = &self.root.nodes[index];
         let fail = |problem: &str| Err(self.error(format!("nodes[{index}]"), problem));
         if let Some(matrix) = node.matrix {
@@ -429,11 +474,14 @@ impl Context<'_> {
             if [matrix[3], matrix[7], matrix[11], matrix[15]] != [0.0, 0.0, 0.0, 1.0] {
                 return fail("the last row of its matrix is not 0 0 0 1");
             }
-            return Ok(DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))));
+            let matrix = self.node_numbers(index, "matrix", exact, matrix);
+            return Ok(DAffine3::from_mat4(DMat4::from_cols_array(&matrix)));
         }
-        let translation = DVec3::from_array(node.translation.unwrap_or_default().map(f64::from));
-        let rotation = DQuat::from_array(node.rotation.unwrap_or_default().0.map(f64::from));
-        let scale = DVec3::from_array(node.scale.unwrap_or([1.0; 3]).map(f64::from));
+        let translation = node.translation.unwrap_or_default();
+        let translation = DVec3::from(self.node_numbers(index, "translation", exact, translation));
+        let rotation = node.rotation.unwrap_or_default().0;
+        let rotation = DQuat::from_array(self.node_numbers(index, "rotation", exact, rotation));
+        let scale = DVec3::from(self.node_numbers(index, "scale", exact, node.scale.unwrap_or([1.0; 3])));
         if !(translation.is_finite() && rotation.is_finite() && scale.is_finite()) {
             return fail("its translation, rotation or scale is not finite");
         }
@@ -443,8 +491,14 @@ impl Context<'_> {
         Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
     }
 
+    /// Numbers of a node under `key`, which are `read` to 32 bits.
+    fn node_numbers<const N: usize>(&self, index: usize, key: &str, exact: bool, read: [f32; N]) -> [f64; N] {
+        let written = &self.nodes[index][key];
+        std::array::from_fn(|i| written[i].as_f64().filter(|_| exact).unwrap_or_else(|| f64::from(read[i])))
+    }
+
     fn world_f32(&self, node: usize, world: DAffine3) -> Result<Affine3A, SceneError> {
-        let transform = Affine3A::from_cols_array(&world.to_cols_array().map(|e| e as f32));
+        let transform = origin::rounded(&world);
         if transform.is_finite() {
             return Ok(transform);
         }

@@ -44,7 +44,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "far",
-        mechanism: "The room 100 km from the origin, where positions are 8 mm apart.",
+        mechanism: "A room 160 m wide 10 000 km from the origin: positions are 1 m apart, and its corners are at whole metres.",
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],
