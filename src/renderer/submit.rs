@@ -87,6 +87,9 @@ impl Renderer {
         counters: Option<&Arc<vk::Buffer>>,
     ) -> Result<Arc<SceneSet>, Error> {
         let resident = Arc::clone(self.prepared.resident());
+        let (area_lights, samples) = (resident.area_lights(), config.whitted.light_samples);
+        let lobes =
+            config.indirect.glossy && self.prepared.profile(config.whitted.mirror_roughness).rough_lobes;
         let data = shaders::SceneData {
             camera: camera_data(camera, config.size),
             full_size: config.size,
@@ -97,7 +100,8 @@ impl Renderer {
             specular_depth: config.whitted.specular_depth,
             mirror_roughness: config.whitted.mirror_roughness,
             energy_conserving: config.energy_conserving.into(),
-            light_samples: if resident.area_lights() { config.whitted.light_samples } else { 0 },
+            light_samples: if area_lights { samples } else { 0 },
+            lobe_samples: if area_lights && lobes { samples } else { 0 },
             ..resident.data()
         };
         if let Some(counters) = counters {

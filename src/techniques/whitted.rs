@@ -68,9 +68,10 @@ impl Settings for WhittedConfig {
 }
 
 impl WhittedConfig {
-    /// Sources that light a point at most: lights, samples of those that have a size, VPLs.
+    /// Sources that light a point at most: lights, samples of those that have a size, VPLs, rays of lobes.
     fn sources(&self, k: &Kernels, vpls: &Vpls) -> u32 {
-        k.lights() + if k.area_lights() { self.light_samples } else { 0 } + vpls.slots
+        let samples = if k.area_lights() { self.light_samples } else { 0 };
+        k.lights() + samples + vpls.slots + if k.glossy_lobes() { samples } else { 0 }
     }
 }
 
