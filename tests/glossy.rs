@@ -335,12 +335,12 @@ fn direct_light_on_glossy_surfaces_is_the_path_tracers() {
     let spotted = Environment { name: "spotted".into(), width: 16, height: 8, texels: texels.collect() };
     let constant = Environment::constant(Vec3::new(0.2, 0.3, 0.5));
     let floors = [
-        ("varnish", varnish(0.4)),
-        ("gold", gold(0.5)),
-        ("coat", coated(0.4)),
-        ("polished gold", gold(0.25)),
+        ("varnish", varnish(0.4), 1e-3, 6e-3),
+        ("gold", gold(0.5), 1e-3, 6e-3),
+        ("coat", coated(0.4), 1e-3, 6e-3),
+        ("polished gold", gold(0.3), 4e-3, 12e-3),
     ];
-    for (what, floor) in floors {
+    for (what, floor, error, bias) in floors {
         for sky in [None, Some(&constant), Some(&spotted)] {
             let (mut scene, camera) = glossy_floor(floor.clone());
             let small = lamp(0.0, Vec3::new(12.0, 25.0, 50.0));
@@ -361,7 +361,7 @@ fn direct_light_on_glossy_surfaces_is_the_path_tracers() {
             let direct = picture(&mut renderer, &config, &camera, &[Aov::Direct]).aovs.remove(0).1.data;
             let path = reference(12, 1024, 2, Transport::Direct);
             let expected = picture(&mut renderer, &path, &camera, &[]).beauty.data;
-            assert_equal(&format!("{what}, {sky}"), &direct, &expected, 4e-3, 6e-3);
+            assert_equal(&format!("{what}, {sky}"), &direct, &expected, error, bias);
             config.indirect.glossy = false;
             let dull = picture(&mut renderer, &config, &camera, &[Aov::Direct]).aovs.remove(0).1.data;
             let [dull, all] = [&dull, &direct].map(|image| metrics::rel_mse(image, &expected));
