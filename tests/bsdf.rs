@@ -830,12 +830,17 @@ fn sample_models_have_bent_normals() {
 // ---- lights ----
 
 fn light_answers(renderer: &mut Renderer, from: Vec3, count: u32) -> Vec<LightAnswer> {
+    answers_by(renderer, from, count, false)
+}
+
+/// From all lights, or from what is chosen beside lobes.
+fn answers_by(renderer: &mut Renderer, from: Vec3, count: u32, beside_lobes: bool) -> Vec<LightAnswer> {
     let numbers: Vec<[f32; 3]> = (0..count).map(|i| [random(i, 3), random(i, 4), random(i, 5)]).collect();
     let mut g = Graph::new();
     let n = g.buffer("numbers", u64::from(count) * 12);
     g.upload("numbers", n, bytemuck::cast_slice(&numbers).to_vec());
     let answers = g.buffer("answers", u64::from(count) * size_of::<LightAnswer>() as u64);
-    let params = lights::Params { from: from.to_array(), count };
+    let params = lights::Params { from: from.to_array(), count, beside_lobes: beside_lobes.into() };
     let bind = lights::Bind { numbers: n, answers };
     let kernel = lights::kernel(&SceneSpec::default());
     g.pass("lights", &kernel, bind, params, Grid::Of([count, 1, 1]));
@@ -979,7 +984,8 @@ fn emitters_in_instances_are_sampled_by_their_area() {
     assert!(missed < 10, "{missed}");
 }
 
-/// An environment's directions follow luminance times solid angle (χ² over coarse cells), and a ray finds their density.
+/// An environment's directions follow luminance times solid angle (χ² over coarse cells), and a ray finds their density;
+/// beside lobes they follow what exceeds the mean luminance.
 #[test]
 fn environments_are_sampled_by_luminance() {
     let Some((_guard, device)) = common::device() else { return };
@@ -989,11 +995,10 @@ fn environments_are_sampled_by_luminance() {
         .collect();
     let environment = Environment { name: "noise".into(), width, height, texels };
     let twin = environment.clone();
-    let mut scene = lamps(&[0.001], vec![Material::diffuse("speck", Vec3::ONE)]);
+    let mut scene = lamps(&[0.001], vec![Material::default()]);
     scene.environment = Some(environment);
     let mut renderer = renderer(&device, scene);
     const N: u32 = 1 << 16;
-    let answers = light_answers(&mut renderer, Vec3::ZERO, N);
     let cell = |d: Vec3| {
         let uv = Vec2::new(
             d.z.atan2(d.x) / std::f32::consts::TAU + 0.5,
@@ -1002,7 +1007,13 @@ fn environments_are_sampled_by_luminance() {
         let at = (uv * Vec2::new(width as f32, height as f32)).as_uvec2();
         (at.y.min(height - 1) * width + at.x.min(width - 1)) as usize
     };
-    let mut expected = vec![0.0; (width * height) as usize];
+    // Means over a cell's angles, as the tables have them, times its solid angle.
+    let mut luminances = vec![0.0; (width * height) as usize];
+    let solid_angle = |cell: usize| {
+        let edge = |i: usize| (PI * i as f64 / f64::from(height)).cos();
+        let row = cell / width as usize;
+        (edge(row) - edge(row + 1)) * 2.0 * PI / f64::from(width)
+    };
     const FINE: u32 = 16;
     for y in 0..height * FINE {
         let edge = |i: u32| PI * f64::from(i) / f64::from(height * FINE);
@@ -1010,30 +1021,54 @@ fn environments_are_sampled_by_luminance() {
         for x in 0..width * FINE {
             let phi = 2.0 * PI * ((f64::from(x) + 0.5) / f64::from(width * FINE) - 0.5);
             let d = DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()).as_vec3();
-            let solid_angle = (edge(y).cos() - edge(y + 1).cos()) * 2.0 * PI / f64::from(width * FINE);
             let luminance = twin.radiance(d).dot(Vec3::new(0.2126, 0.7152, 0.0722));
-            expected[cell(d)] += f64::from(luminance) * solid_angle;
+            luminances[cell(d)] += f64::from(luminance) * solid_angle(cell(d)) / f64::from(FINE * FINE);
         }
     }
-    let total: f64 = expected.iter().sum();
-    for e in &mut expected {
-        *e *= f64::from(N) / total;
+    let mean = luminances.iter().sum::<f64>() / (4.0 * PI);
+    for beside_lobes in [false, true] {
+        let base = if beside_lobes { mean } else { 0.0 };
+        let above = |(cell, luminance): (usize, &f64)| (luminance - base * solid_angle(cell)).max(0.0);
+        let mut expected: Vec<f64> = luminances.iter().enumerate().map(above).collect();
+        let total: f64 = expected.iter().sum();
+        for e in &mut expected {
+            *e *= f64::from(N) / total;
+        }
+        let mut counts = vec![0.0; expected.len()];
+        let mut elsewhere = 0;
+        for a in answers_by(&mut renderer, Vec3::ZERO, N, beside_lobes) {
+            assert_eq!(a.flags, 1, "{a:?}");
+            let d = Vec3::from(a.direction);
+            assert!((d.length() - 1.0).abs() < 1e-5);
+            counts[cell(d)] += 1.0;
+            let radiance = twin.radiance(d);
+            assert!(Vec3::from(a.radiance).abs_diff_eq(radiance, 1e-3), "{a:?} for {radiance}");
+            elsewhere += u32::from((a.pdf / a.ray_pdf - 1.0).abs() > 1e-3);
+        }
+        assert!(elsewhere < 10, "{elsewhere} directions are in another cell for the ray than for the sample");
+        let ratio = chi2(&counts, &expected);
+        assert!(ratio < 1.0, "χ² is {ratio} times its critical value");
     }
-    // Means of cells are weighted by solid angle here, and by the row's middle there: up to 1 % apart.
-    let mut counts = vec![0.0; expected.len()];
-    let mut elsewhere = 0;
-    for a in answers.iter() {
-        assert_eq!(a.flags, 1, "{a:?}");
-        let d = Vec3::from(a.direction);
-        assert!((d.length() - 1.0).abs() < 1e-5);
-        counts[cell(d)] += 1.0;
-        let radiance = twin.radiance(d);
-        assert!(Vec3::from(a.radiance).abs_diff_eq(radiance, 1e-3), "{a:?} for {radiance}");
-        elsewhere += u32::from((a.pdf / a.ray_pdf - 1.0).abs() > 1e-3);
+}
+
+/// Beside lobes nothing is left of a constant environment: samples are a lamp's, or there are none.
+#[test]
+fn a_constant_environment_is_left_to_lobes() {
+    let Some((_guard, device)) = common::device() else { return };
+    let shining = Material { emission: Vec3::ONE, ..Material::default() };
+    for (material, shines) in [(shining, true), (Material::default(), false)] {
+        let mut scene = lamps(&[1.0], vec![material]);
+        scene.environment = Some(Environment::constant(Vec3::new(1.0, 2.0, 3.0)));
+        let mut renderer = renderer(&device, scene);
+        let found = |answers: &[LightAnswer]| answers.iter().filter(|a| a.flags == 1).count();
+        let all = light_answers(&mut renderer, Vec3::ZERO, 1 << 12);
+        assert_eq!(found(&all), all.len());
+        assert!(all.iter().any(|a| a.ray_distance.is_infinite() && a.ray_pdf > 0.0));
+        let beside = answers_by(&mut renderer, Vec3::ZERO, 1 << 12, true);
+        assert_eq!(found(&beside), if shines { beside.len() } else { 0 });
+        let off = beside.iter().filter(|a| (a.pdf / a.ray_pdf - 1.0).abs() > 1e-3).count();
+        assert!(!shines || off < 10, "{off} rays find another density than their sample's");
     }
-    assert!(elsewhere < 10, "{elsewhere} directions are in another cell for the ray than for the sample");
-    let ratio = chi2(&counts, &expected);
-    assert!(ratio < 1.0, "χ² is {ratio} times its critical value");
 }
 
 /// The mean over samples of radiance over density times cosine is irradiance: closed forms of a point, a directional and

@@ -241,11 +241,10 @@ float bsdf_pdf(Surface s, bool front, vec3 wo, vec3 wi, uint lobes) {
     return pdf;
 }
 
-// Chooses a direction by `u`, three numbers in [0, 1): z the lobe, x and y the direction. False: the light is absorbed.
-bool bsdf_sample(Surface s, bool front, vec3 wo, vec3 u, uint lobes, out BsdfSample b) {
+// bsdf_sample of layers that are known.
+bool sample_layers(Surface s, bool front, vec3 wo, vec3 u, uint lobes, Layers l, out BsdfSample b) {
     b = BsdfSample(vec3(0.0), vec3(0.0), 0.0, 0u, 1.0);
     if (dot(s.geometric_normal, wo) <= 0.0 || (s.material.flags & MATERIAL_UNLIT) != 0u) return false;
-    Layers l = layers_of(s, front, wo, lobes);
     float beneath = 1.0 - l.coat;
     if (l.p_coat + l.p_diffuse + l.p_interface <= 0.0) return false;
     if (u.z < l.p_coat) {
@@ -307,6 +306,11 @@ bool bsdf_sample(Surface s, bool front, vec3 wo, vec3 u, uint lobes, out BsdfSam
     if (b.pdf <= 0.0 || f == vec3(0.0)) return false;
     b.weight = f / b.pdf;
     return true;
+}
+
+// Chooses a direction by `u`, three numbers in [0, 1): z the lobe, x and y the direction. False: the light is absorbed.
+bool bsdf_sample(Surface s, bool front, vec3 wo, vec3 u, uint lobes, out BsdfSample b) {
+    return sample_layers(s, front, wo, u, lobes, layers_of(s, front, wo, lobes), b);
 }
 
 // Albedo of the Lambertian that the diffuse part is towards wo: π times its f at normal reflection's Fresnel share. What

@@ -52,12 +52,21 @@ bool has_glossy_lobe(GlossySurface g) {
     return !g.layers.delta && (m.metallic > 0.0 || dielectric_f0(m) != vec3(0.0));
 }
 
-// f·cosθ.
-vec3 scattered(GlossySurface g, vec3 direction, uint lobes) {
+// f·cosθ, and of LOBES_LIT the density with which sample_lit gives the direction.
+vec3 scattered(GlossySurface g, vec3 direction, uint lobes, out float pdf) {
     vec3 f;
-    float pdf;
     evaluate(g.surface, g.front, g.to_viewer, direction, lobes, g.layers, f, pdf);
     return f;
+}
+
+vec3 scattered(GlossySurface g, vec3 direction, uint lobes) {
+    float pdf;
+    return scattered(g, direction, lobes, pdf);
+}
+
+// bsdf_sample of the lobes that light is asked for.
+bool sample_lit(GlossySurface g, vec3 u, out BsdfSample b) {
+    return sample_layers(g.surface, g.front, g.to_viewer, u, LOBES_LIT, g.layers, b);
 }
 
 #endif

@@ -65,37 +65,67 @@ uint invert(FloatArray cdf, uint count, float u) {
     return low;
 }
 
-FloatArray environment_column_cdf(uint row) {
-    return FloatArray(scene.environment_columns) + row * scene.environment_size.x;
+// A table of choices among lights.
+struct LightTable {
+    uint first; // in all choices
+    uint count;
+    float inverse_power; // 1/W, of all that it holds
+    // Cumulative probabilities in the environment, which is the last choice if there are any.
+    uint64_t rows;
+    uint64_t columns;
+};
+
+LightTable table_of_all() {
+    return LightTable(0u, scene.light_choice_count, scene.inverse_power, scene.environment_rows, scene.environment_columns);
+}
+
+// Those that have a size: emissive triangles and the environment.
+LightTable table_of_area_lights() {
+    return LightTable(scene.light_choice_count, scene.light_choice_count - scene.light_count, scene.inverse_area_power,
+                      scene.environment_rows, scene.environment_columns);
+}
+
+// Those for points whose lobes are sampled as well: of the environment only what exceeds its mean (MIS compensation;
+// Karlík et al. 2019). It may hold nothing.
+LightTable table_beside_lobes() {
+    return LightTable(scene.excess_choices, scene.excess_choice_count, scene.inverse_excess_power, scene.excess_rows,
+                      scene.excess_columns);
+}
+
+FloatArray environment_column_cdf(LightTable lights, uint row) {
+    return FloatArray(lights.columns) + row * scene.environment_size.x;
 }
 
 // Probability of a texel over its solid angle.
-float environment_density(uvec2 cell) {
-    FloatArray rows = FloatArray(scene.environment_rows), columns = environment_column_cdf(cell.y);
+float environment_density(LightTable lights, uvec2 cell) {
+    FloatArray rows = FloatArray(lights.rows), columns = environment_column_cdf(lights, cell.y);
     float probability = (rows[cell.y].at - cumulative(rows, cell.y)) * (columns[cell.x].at - cumulative(columns, cell.x));
     vec2 size = vec2(scene.environment_size);
     float solid_angle = (4.0 * PI / size.x) * sin(PI * (float(cell.y) + 0.5) / size.y) * sin(0.5 * PI / size.y);
     return probability / solid_angle;
 }
 
-float environment_probability() {
-    return LightChoiceArray(scene.light_choices)[scene.light_choice_count - 1u].at.probability;
+float environment_probability(LightTable lights) {
+    return LightChoiceArray(scene.light_choices)[lights.first + lights.count - 1u].at.probability;
 }
 
-// Density by solid angle with which sample_light gives a direction to the environment.
-float environment_pdf(vec3 direction) {
-    if (scene.environment_rows == 0UL) return 0.0;
+// Density by solid angle of choosing a direction to the environment.
+float environment_pdf(LightTable lights, vec3 direction) {
+    if (lights.rows == 0UL) return 0.0;
     uvec2 cell = min(uvec2(environment_position(direction)), scene.environment_size - 1u);
-    return environment_probability() * environment_density(cell);
+    return environment_probability(lights) * environment_density(lights, cell);
 }
 
-vec3 sample_environment(vec2 u, out uvec2 cell) {
+// With which sample_light does.
+float environment_pdf(vec3 direction) { return environment_pdf(table_of_all(), direction); }
+
+vec3 sample_environment(LightTable lights, vec2 u, out uvec2 cell) {
     uvec2 size = scene.environment_size;
-    FloatArray rows = FloatArray(scene.environment_rows);
+    FloatArray rows = FloatArray(lights.rows);
     cell.y = invert(rows, size.y, u.y);
     float before = cumulative(rows, cell.y);
     float v = (u.y - before) / (rows[cell.y].at - before);
-    FloatArray columns = environment_column_cdf(cell.y);
+    FloatArray columns = environment_column_cdf(lights, cell.y);
     cell.x = invert(columns, size.x, u.x);
     before = cumulative(columns, cell.x);
     float azimuth = 2.0 * PI * ((float(cell.x) + (u.x - before) / (columns[cell.x].at - before)) / float(size.x) - 0.5);
@@ -169,20 +199,21 @@ bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, 
     return true;
 }
 
-bool sample_sky(vec2 u, LightChoice choice, out LightSample s) {
+bool sample_sky(LightTable lights, vec2 u, LightChoice choice, out LightSample s) {
     uvec2 cell;
-    s.direction = sample_environment(u, cell);
+    s.direction = sample_environment(lights, u, cell);
     s.distance = 4.0 * scene.scene_radius;
-    s.pdf = choice.probability * environment_density(cell);
+    s.pdf = choice.probability * environment_density(lights, cell);
     s.radiance_over_pdf = environment_radiance(s.direction) / s.pdf;
     s.delta = false;
     return s.radiance_over_pdf != vec3(0.0);
 }
 
-// One of `count` choices, by u in [0, 1); which one is returned.
-uint choose(LightChoiceArray choices, uint count, float u, out LightChoice choice) {
-    float place = u * float(count);
-    uint i = min(uint(place), count - 1u);
+// One of the choices, by u in [0, 1); which one is returned.
+uint choose(LightTable lights, float u, out LightChoice choice) {
+    LightChoiceArray choices = LightChoiceArray(scene.light_choices) + lights.first;
+    float place = u * float(lights.count);
+    uint i = min(uint(place), lights.count - 1u);
     choice = choices[i].at;
     if (place - float(i) >= choice.threshold) {
         i = choice.alias;
@@ -191,21 +222,20 @@ uint choose(LightChoiceArray choices, uint count, float u, out LightChoice choic
     return i;
 }
 
-// Whether the last of `count` choices is the environment, and this is it.
-bool is_environment(uint i, uint count) {
-    return ENVIRONMENT && scene.environment_rows != 0UL && i == count - 1u;
+bool is_environment(LightTable lights, uint i) {
+    return ENVIRONMENT && lights.rows != 0UL && i == lights.count - 1u;
 }
 
 // Light that arrives at `from`, an origin off its surface, unless something is between. `u`: three numbers in [0, 1), x
 // for the choice. False: nothing arrives.
 bool sample_light(vec3 from, vec3 u, out LightSample s) {
     s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
-    uint count = scene.light_choice_count;
-    if (count == 0u) return false;
+    LightTable lights = table_of_all();
+    if (lights.count == 0u) return false;
     LightChoice choice;
-    uint i = choose(LightChoiceArray(scene.light_choices), count, u.x, choice);
-    if (is_environment(i, count)) return sample_sky(u.yz, choice, s);
-    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, scene.inverse_power, s);
+    uint i = choose(lights, u.x, choice);
+    if (is_environment(lights, i)) return sample_sky(lights, u.yz, choice, s);
+    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, lights.inverse_power, s);
     Light light = LightArray(scene.lights)[i].at;
     s.delta = true;
     vec3 arriving = light.intensity / choice.probability;
@@ -225,25 +255,35 @@ bool sample_light(vec3 from, vec3 u, out LightSample s) {
     return arriving != vec3(0.0);
 }
 
-// As sample_light, from lights that have a size alone: emissive triangles and the environment. There must be one.
-bool sample_area_light(vec3 from, vec3 u, out LightSample s) {
+// As sample_light, from a table of those alone that have a size.
+bool sample_area_light(LightTable lights, vec3 from, vec3 u, out LightSample s) {
     s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
-    uint count = scene.light_choice_count - scene.light_count;
+    if (lights.count == 0u) return false;
     LightChoice choice;
-    // They have a table of their own behind that of all.
-    uint i = choose(LightChoiceArray(scene.light_choices) + scene.light_choice_count, count, u.x, choice);
-    if (is_environment(i, count)) return sample_sky(u.yz, choice, s);
+    uint i = choose(lights, u.x, choice);
+    if (is_environment(lights, i)) return sample_sky(lights, u.yz, choice, s);
     if (!EMISSIVE_TRIANGLES) return false;
-    return sample_emitter(from, u.yz, choice, scene.inverse_area_power, s);
+    return sample_emitter(from, u.yz, choice, lights.inverse_power, s);
 }
 
-// Density by solid angle with which sample_light gives the direction of a ray of unit length that found this surface
-// `distance` away; 0 where the side that it shows does not emit. `s` faces `wo`, against the ray.
-float light_pdf(Hit hit, Surface s, bool front, vec3 wo, float distance) {
+// Density by solid angle of choosing the direction of a ray of unit length that found this surface `distance` away; 0
+// where the side that it shows does not emit. `s` faces `wo`, against the ray.
+float light_pdf(LightTable lights, Hit hit, Surface s, bool front, vec3 wo, float distance) {
     if (scene.emission_weights == 0UL || (!front && (s.material.flags & MATERIAL_DOUBLE_SIDED) == 0u)) return 0.0;
     uint index = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at.first_triangle + hit.primitive;
     float cosine = dot(s.geometric_normal, wo);
-    return cosine > 0.0 ? emitter_density(index, scene.inverse_power) * distance * distance / cosine : 0.0;
+    return cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0;
+}
+
+// With which sample_light does.
+float light_pdf(Hit hit, Surface s, bool front, vec3 wo, float distance) {
+    return light_pdf(table_of_all(), hit, s, front, wo, distance);
+}
+
+// Weight of the sampling method with density p beside one with q (Veach 1997, §9.2).
+float power_heuristic(float p, float q) {
+    float r = q / p;
+    return 1.0 / (1.0 + r * r);
 }
 
 #endif

@@ -49,12 +49,6 @@ uint rays = 0u;
 vec2 sample_2d(uint set, uint vertex) { return sobol(sample_index, hash(pixel_seed, set + vertex * SETS_A_VERTEX)); }
 float sample_1d(uint set, uint vertex) { return sample_2d(set, vertex).x; }
 
-// Of the sampling method with density p against one with q.
-float power_heuristic(float p, float q) {
-    float r = q / p;
-    return 1.0 / (1.0 + r * r);
-}
-
 // f·|cosθ| of what is being computed; `albedo` where that is diffuse.
 vec3 scattered(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, vec3 albedo, out float pdf) {
     if (TRANSPORT != TRANSPORT_DIFFUSE_INDIRECT) return bsdf_evaluate(s, front, wo, wi, lobes, pdf);

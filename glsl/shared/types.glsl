@@ -92,7 +92,8 @@ struct Light {
 };
 
 // What sample_light chooses from, in proportion to power: the lights, then emissive triangles, last the environment. An
-// alias table (Vose 1991). Behind it another one of emissive triangles and the environment alone.
+// alias table (Vose 1991). Behind it another one of emissive triangles and the environment alone, and one where of the
+// environment only what exceeds its mean counts.
 struct LightChoice {
     float probability;
     float threshold; // share of this place that is its own; the rest is the alias's
@@ -137,6 +138,8 @@ struct SceneData {
     uint64_t environment;         // radiance, vec3, rows from +Y down
     uint64_t environment_rows;    // cumulative probability
     uint64_t environment_columns; // of each row, cumulative probability
+    uint64_t excess_rows; // the same of what of the environment exceeds its mean; 0 where nothing does
+    uint64_t excess_columns;
     uint64_t bvh_nodes;
     uint64_t bvh_triangles;
     uint64_t box_nodes; // of the structure over boxes, if there is one
@@ -162,6 +165,10 @@ struct SceneData {
     uvec2 environment_size;
     float inverse_area_power; // 1/W, of emissive triangles and the environment
     uint light_samples;       // shadow rays to those from a point; 0 where there are none
+    uint lobe_samples;        // and rays of its lobes, where they are glossy
+    uint excess_choices;      // the first choice of the table that goes with those
+    uint excess_choice_count; // 0 where nothing is left to choose
+    float inverse_excess_power; // 1/W, of its choices
     uint padding0;
 };
 

@@ -48,12 +48,13 @@ void main() {
     SceneData s = scene;
     put(s.instances); put(s.triangles); put(s.positions); put(s.normals); put(s.uv0); put(s.uv1); put(s.colors); put(s.tangents);
     put(s.materials); put(s.textures); put(s.lights); put(s.light_choices); put(s.emission_weights);
-    put(s.environment); put(s.environment_rows); put(s.environment_columns); put(s.bvh_nodes); put(s.bvh_triangles);
-    put(s.box_nodes); put(s.boxes); put(s.box_planes); put(s.ray_counters);
+    put(s.environment); put(s.environment_rows); put(s.environment_columns); put(s.excess_rows);
+    put(s.excess_columns); put(s.bvh_nodes); put(s.bvh_triangles); put(s.box_nodes); put(s.boxes); put(s.box_planes); put(s.ray_counters);
     put(s.light_count); put(s.triangle_count); put(s.ray_epsilon); put(s.scene_center); put(s.scene_radius);
     put(s.camera.eye); put(s.camera.orthographic); put(s.camera.right);
     put(s.camera.up); put(s.camera.forward);
     put(s.full_size); put(s.window_origin); put(s.pixel_offset); put(s.seed); put(s.specular_depth); put(s.mirror_roughness);
     put(s.energy_conserving); put(s.light_choice_count); put(s.inverse_power); put(s.environment_size);
-    put(s.inverse_area_power); put(s.light_samples);
+    put(s.inverse_area_power); put(s.light_samples); put(s.lobe_samples); put(s.excess_choices);
+    put(s.excess_choice_count); put(s.inverse_excess_power);
 }

@@ -20,13 +20,20 @@ struct LightAnswer {
 
 layout(set = 1, binding = 0, scalar) readonly buffer Numbers { vec3 data[]; } numbers;
 layout(set = 1, binding = 1, scalar) writeonly buffer Answers { LightAnswer data[]; } answers;
-layout(push_constant, scalar) uniform Params { vec3 from; uint count; } params;
+layout(push_constant, scalar) uniform Params { vec3 from; uint count; uint beside_lobes; } params;
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= params.count) return;
     LightSample s;
-    bool found = sample_light(params.from, numbers.data[i], s);
+    LightTable lights = table_of_all();
+    bool found;
+    if (params.beside_lobes == 0u) {
+        found = sample_light(params.from, numbers.data[i], s);
+    } else {
+        lights = table_beside_lobes();
+        found = sample_area_light(lights, params.from, numbers.data[i], s);
+    }
     LightAnswer answer = LightAnswer(s.direction, s.distance, s.radiance_over_pdf, s.pdf, vec3(0.0), 0.0, 1.0 / 0.0,
                                      (found ? 1u : 0u) | (s.delta ? 2u : 0u), 0u, vec2(0.0));
     Hit hit;
@@ -34,13 +41,13 @@ void main() {
         Surface surface = surface_at(hit);
         bool front = face(surface, -s.direction);
         answer.radiance = emitted_radiance(surface.material, front);
-        answer.ray_pdf = light_pdf(hit, surface, front, -s.direction, hit.t);
+        answer.ray_pdf = light_pdf(lights, hit, surface, front, -s.direction, hit.t);
         answer.ray_distance = hit.t;
         answer.primitive = hit.primitive;
         answer.barycentrics = hit.barycentrics;
     } else if (found && !s.delta) {
         answer.radiance = environment_radiance(s.direction);
-        answer.ray_pdf = environment_pdf(s.direction);
+        answer.ray_pdf = environment_pdf(lights, s.direction);
     }
     answers.data[i] = answer;
 }

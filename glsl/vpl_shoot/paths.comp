@@ -67,7 +67,7 @@ Emission emit(LightChoice choice, vec2 v, vec2 place) {
 // Of the environment, from the disc that faces the direction.
 Emission emit_sky(LightChoice choice, vec2 v, vec2 place) {
     LightSample s;
-    if (!sample_sky(v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0));
+    if (!sample_sky(table_of_all(), v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0));
     vec2 disc = scene.scene_radius * sample_disc(place);
     vec3 start = scene.scene_center + scene.scene_radius * s.direction;
     float area = PI * scene.scene_radius * scene.scene_radius;
@@ -79,10 +79,10 @@ Emission emit(uint path) {
     float u = halton(0u, path + 1u, scene.seed);
     vec2 v = halton_pair(1u, path);
     if (area_lights()) {
-        uint count = scene.light_choice_count;
+        LightTable lights = table_of_all();
         LightChoice choice;
-        uint i = choose(LightChoiceArray(scene.light_choices), count, u, choice);
-        if (is_environment(i, count)) return emit_sky(choice, v, halton_pair(3u, path));
+        uint i = choose(lights, u, choice);
+        if (is_environment(lights, i)) return emit_sky(choice, v, halton_pair(3u, path));
         if (EMISSIVE_TRIANGLES && i >= scene.light_count) return emit(choice, v, halton_pair(3u, path));
         return emit(LightArray(scene.lights)[i].at, choice.probability * float(params.paths), v);
     }

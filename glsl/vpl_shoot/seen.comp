@@ -17,7 +17,7 @@ bool lights(Vpl vpl, Receiver x) {
     if (dot(vpl.normal, to_vpl) >= 0.0) return false;
     uint rays = 0u;
     vec3 from = offset_origin(vpl.position, vpl.normal), to = offset_origin(x.position, x.geometric_normal);
-    return visibility(from, to, rays) != vec3(0.0);
+    return arriving(vec3(1.0), from, to, rays) != vec3(0.0);
 }
 
 void main() {

@@ -14,8 +14,7 @@ layout(push_constant, scalar) uniform Params { uint capacity; uint first; uint l
 void main() {
     uint index = group_at(gl_WorkGroupID.x, gl_WorkGroupID.y) * POINTS + gl_LocalInvocationIndex;
     uint listed = min(args.at.count, params.capacity);
-    uint sources = scene.light_count + scene.light_samples + count.vpls;
-    uint last = min(params.last, sources);
+    uint last = min(params.last, source_count(count.vpls));
     if (index >= listed || params.first >= last) return;
     uint shares = (last - params.first + args.at.share - 1u) / args.at.share;
     uint step = args.at.share == 1u ? GROUP : 1u;

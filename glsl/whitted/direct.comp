@@ -7,7 +7,6 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/counters.glsl"
 #include "lib/sampling.glsl"
 #include "lib/surface.glsl"
-#include "lib/visibility.glsl"
 #include "whitted/direct.glsl"
 
 layout(constant_id = 0) const bool CONTINUES = false;
@@ -43,14 +42,21 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
     }
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
         vec3 sampled = vec3(0.0);
+        LightTable lights = table_of_area_lights();
+        bool lobes = false;
+        if (GLOSSY) lobes = samples_lobes(glossy);
+        if (lobes) lights = table_beside_lobes();
         uint last = min(params.last, scene.light_samples);
         for (uint i = params.first; i < last; ++i) {
+            if (lobes) sampled += by_lobe(glossy, origin, i, seed, rays);
             LightSample light;
-            if (!area_light(origin, i, seed, light)) continue;
+            if (!area_light(lights, origin, i, seed, light)) continue;
             vec3 share;
-            if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT);
+            float pdf;
+            if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT, pdf);
             else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
+            if (lobes) share *= power_heuristic(light.pdf, pdf);
             sampled += arriving(share * light.radiance_over_pdf, origin, light.direction, light.distance, rays);
         }
         sampled /= float(max(scene.light_samples, 1u));

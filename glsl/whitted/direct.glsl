@@ -5,6 +5,7 @@
 #include "lib/glossy.glsl"
 #include "lib/lights.glsl"
 #include "lib/receiver.glsl"
+#include "lib/visibility.glsl"
 
 // W/m² from a light if nothing is between, and where its light comes from; 0 behind the receiver's plane.
 vec3 unshadowed(Light light, Receiver x, out vec3 source) {
@@ -34,7 +35,7 @@ vec3 perpendicular(Light light, vec3 position, out vec3 source, out vec3 directi
     return arriving;
 }
 
-// Seed of the rays to lights that have a size; every pixel and every sample of it has others.
+// Seed of the rays for lights that have a size; every pixel and every sample of it has others.
 uint area_seed(uvec2 pixel) {
     uvec2 place = pixel + scene.window_origin;
     uvec2 offset = floatBitsToUint(scene.pixel_offset);
@@ -43,8 +44,50 @@ uint area_seed(uvec2 pixel) {
 
 // Sample `i` of so many as scene.light_samples, to be divided by that: W/m² across the direction it comes from, unless
 // something is between.
-bool area_light(vec3 from, uint i, uint seed, out LightSample light) {
-    return sample_area_light(from, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light);
+bool area_light(LightTable lights, vec3 from, uint i, uint seed, out LightSample light) {
+    return sample_area_light(lights, from, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light);
+}
+
+// Whether a surface's lobes are sampled beside the lights that have a size: the power heuristic weighs what both find.
+bool samples_lobes(GlossySurface g) { return GLOSSY && scene.lobe_samples > 0u && has_glossy_lobe(g); }
+
+// Radiance of lights that have a size along a ray whose direction lobes gave with density `pdf`, weighted.
+vec3 light_along(vec3 from, vec3 direction, float pdf, inout uint rays) {
+    LightTable lights = table_beside_lobes();
+    vec3 sum = vec3(0.0), sky = vec3(0.0);
+    if (ENVIRONMENT) sky = environment_radiance(direction) * power_heuristic(pdf, environment_pdf(lights, direction));
+    if (!EMISSIVE_TRIANGLES) {
+        if (sky == vec3(0.0)) return sky;
+        return arriving(sky, from, direction, 4.0 * scene.scene_radius, rays);
+    }
+    vec3 origin = from, share = vec3(1.0);
+    Hit hit;
+    while (share != vec3(0.0)) {
+        ++rays;
+        if (!trace_closest(origin, direction, 0.0, 1.0 / 0.0, hit)) {
+            sum += share * sky;
+            break;
+        }
+        Surface s = surface_at(hit);
+        bool front = face(s, -direction);
+        float covered = coverage(s.material);
+        // Unlit surfaces light nothing.
+        if (s.material.emission != vec3(0.0) && (s.material.flags & MATERIAL_UNLIT) == 0u) {
+            float by_light = light_pdf(lights, hit, s, front, -direction, distance(from, s.position));
+            sum += share * covered * emitted_radiance(s.material, front) * power_heuristic(pdf, by_light);
+        }
+        share *= passing(s, direction);
+        origin = beyond(s, direction);
+    }
+    return sum;
+}
+
+// Radiance that a surface reflects of lights that have a size, by ray `i` of its lobes, of so many as scene.lobe_samples;
+// to be divided by that.
+vec3 by_lobe(GlossySurface g, vec3 from, uint i, uint seed, inout uint rays) {
+    BsdfSample b;
+    if (!sample_lit(g, vec3(sobol(i, hash(seed, 3u)), sobol(i, hash(seed, 4u)).x), b)) return vec3(0.0);
+    return b.weight * light_along(from, b.direction, b.pdf, rays);
 }
 
 #endif

@@ -9,6 +9,9 @@ const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of a workgroup that lights them or adds up their light
 const uint GROUP = 16u;  // sources whose light is summed before it is added to that of others, whoever does it
 
+// Sources that light a point, with so many VPLs.
+uint source_count(uint vpls) { return scene.light_count + scene.light_samples + vpls + scene.lobe_samples; }
+
 struct Reached {
     Receiver receiver;
     vec3 reflected;  // radiance at the pixel for each W/m² there; of glossy scenes for each W/(sr·m²) it reflects

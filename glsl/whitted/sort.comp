@@ -52,7 +52,7 @@ void main() {
     uint thread = gl_LocalInvocationIndex;
     uint listed = min(args.at.count, params.capacity);
     if (thread == 0u) {
-        uint widest = min(params.range, scene.light_count + scene.light_samples + count.vpls);
+        uint widest = min(params.range, source_count(count.vpls));
         args.at.share = share_of(listed, max(widest, 1u));
         args.at.light.y = (widest + args.at.share - 1u) / args.at.share;
         args.at.collect = uvec3(args.at.light.xz, 1u);

@@ -1,5 +1,5 @@
-// Light from the lights, from samples of lights that have a size, and from VPLs, in this order, with a shadow ray each.
-// Expects `vpls` and `count`.
+// Light from the lights, from samples of lights that have a size, and from VPLs, in this order, with a shadow ray each;
+// then by rays of a point's lobes. Expects `vpls` and `count`.
 #ifndef WHITTED_SOURCES_GLSL
 #define WHITTED_SOURCES_GLSL
 
@@ -7,7 +7,8 @@
 #include "whitted/direct.glsl"
 #include "whitted/reached.glsl"
 
-uint source_count() { return scene.light_count + scene.light_samples + count.vpls; }
+uint source_count() { return source_count(count.vpls); }
+
 
 // A lit point beyond its receiver.
 struct Lit {
@@ -19,15 +20,26 @@ struct Lit {
 vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, inout uint rays) {
     vec3 here = offset_origin(x.position, x.geometric_normal);
     vec3 sum = vec3(0.0);
+    bool lobes = false;
+    if (GLOSSY) lobes = samples_lobes(lit.glossy);
+    uint lobe_rays = source_count() - scene.lobe_samples;
     for (uint k = first; k < last; ++k) {
         vec3 direction;
         Connection c = Connection(vec3(0.0), here, vec3(0.0));
         bool is_vpl = k >= scene.light_count + scene.light_samples;
         bool sampled = false;
-        if (EMISSIVE_TRIANGLES || ENVIRONMENT) sampled = !is_vpl && k >= scene.light_count;
+        LightSample light;
+        if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
+            sampled = !is_vpl && k >= scene.light_count;
+            if (k >= lobe_rays) {
+                if (lobes) sum += by_lobe(lit.glossy, here, k - lobe_rays, lit.seed, rays) / float(scene.lobe_samples);
+                continue;
+            }
+        }
         if (sampled) {
-            LightSample light;
-            if (!area_light(here, k - scene.light_count, lit.seed, light)) continue;
+            LightTable lights = table_of_area_lights();
+            if (lobes) lights = table_beside_lobes();
+            if (!area_light(lights, here, k - scene.light_count, lit.seed, light)) continue;
             direction = light.direction;
             c.light = light.radiance_over_pdf / float(scene.light_samples);
             if (!GLOSSY) {
@@ -45,8 +57,10 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
         }
         if (c.light == vec3(0.0)) continue;
         if (GLOSSY) {
-            c.light *= scattered(lit.glossy, direction, LOBES_LIT);
+            float pdf;
+            c.light *= scattered(lit.glossy, direction, LOBES_LIT, pdf);
             if (c.light == vec3(0.0)) continue;
+            if (sampled && lobes) c.light *= power_heuristic(light.pdf, pdf);
         }
         // One copy of the exact one where that is all there is.
         if (VISIBILITY != VISIBILITY_EXACT && is_vpl) sum += arriving_vpl(c, rays);

@@ -106,7 +106,7 @@ fn mean_texel(image: &Image, texture: &TextureRef, corners: [Vec2; 3], decode: &
 }
 
 /// How directions to an environment are chosen: rows, then columns of each, in proportion to solid angle times mean
-/// luminance of a texel, bilinear interpolation included: no texel is left out that any light comes from.
+/// luminance of a texel, bilinear interpolation included.
 pub(super) struct EnvironmentTable {
     /// Cumulative probability of rows.
     pub(super) rows: Vec<f32>,
@@ -114,11 +114,24 @@ pub(super) struct EnvironmentTable {
     pub(super) columns: Vec<f32>,
     /// ∫L dω, all channels (W/m²).
     pub(super) flux: f64,
+    /// ∫L dω, luminance (W/m²).
+    total: f64,
 }
 
 impl EnvironmentTable {
-    /// `None` for a black one.
+    /// No texel is left out that any light comes from. `None` for a black environment.
     pub(super) fn of(environment: &Environment) -> Option<Self> {
+        Self::above(environment, 0.0).filter(|table| table.total > 0.0)
+    }
+
+    /// The same of what exceeds the mean, for samples beside those of lobes, which find the rest (MIS compensation;
+    /// Karlík et al., "MIS Compensation", 2019). `None` where nothing does but by rounding.
+    pub(super) fn of_excess(&self, environment: &Environment) -> Option<Self> {
+        Self::above(environment, self.total / (4.0 * PI)).filter(|table| table.total > 1e-6 * self.total)
+    }
+
+    /// Of what luminance exceeds `base`.
+    fn above(environment: &Environment, base: f64) -> Option<Self> {
         let (width, height) = (environment.width as usize, environment.height as usize);
         let row_of = |y: usize| &environment.texels[y * width..(y + 1) * width];
         let (mut rows, mut columns) = (Vec::with_capacity(height), Vec::with_capacity(width * height));
@@ -137,8 +150,11 @@ impl EnvironmentTable {
             for x in 0..width {
                 let (left, right) = (vertical[(x + width - 1) % width], vertical[(x + 1) % width]);
                 let mean = 0.125 * (left + right) + 0.75 * vertical[x];
-                flux += mean.element_sum() * solid_angle;
-                row += mean.dot(DVec3::new(0.2126, 0.7152, 0.0722)) * solid_angle;
+                let luminance = mean.dot(DVec3::new(0.2126, 0.7152, 0.0722));
+                if luminance > base {
+                    flux += mean.element_sum() * ((luminance - base) / luminance) * solid_angle;
+                    row += (luminance - base) * solid_angle;
+                }
                 sums.push(row);
             }
             let share = |(x, sum)| if row > 0.0 { sum / row } else { (x + 1) as f64 / width as f64 };
@@ -149,7 +165,7 @@ impl EnvironmentTable {
         }
         let mut rows: Vec<f32> = rows.into_iter().map(|sum| (sum / total) as f32).collect();
         *rows.last_mut()? = 1.0;
-        (total > 0.0).then_some(Self { rows, columns, flux })
+        Some(Self { rows, columns, flux, total })
     }
 }
 

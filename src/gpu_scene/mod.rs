@@ -4,7 +4,8 @@ mod emitter;
 
 use crate::accel::Geometry;
 use crate::scene::{
-    AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, TextureRef, TextureUse, Wrap,
+    AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, SceneProfile, TextureRef, TextureUse,
+    Wrap,
 };
 use crate::shaders::{
     self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
@@ -25,8 +26,11 @@ pub struct GpuScene {
     lights: Option<Arc<vk::Buffer>>,
     light_choices: Option<Arc<vk::Buffer>>,
     emitters: Arc<[Emitter]>,
-    /// Power of the environment (W, all channels); 0 without one.
+    /// Power of the environment (W, all channels), and of what of it exceeds its mean; 0 without one.
     environment_power: f64,
+    excess_power: f64,
+    /// Whether lobes may be sampled beside lights.
+    lobes: bool,
     /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
     pub(crate) data: SceneData,
 }
@@ -43,6 +47,9 @@ impl GpuScene {
             light_choices: None,
             emitters: Arc::default(),
             environment_power: 0.0,
+            excess_power: 0.0,
+            // Any threshold of what is a mirror may follow.
+            lobes: SceneProfile::of(scene, 0.0).rough_lobes,
             data: SceneData::default(),
         };
         gpu.data.instances = gpu.array(device, "scene.instances", &instances(geometry))?;
@@ -79,7 +86,14 @@ impl GpuScene {
             self.data.environment_rows = self.array(device, "environment.rows", &table.rows)?;
             self.data.environment_columns = self.array(device, "environment.columns", &table.columns)?;
             // What falls on the disc through the bounding sphere, from all around.
-            self.environment_power = table.flux * f64::from(PI * self.data.scene_radius.powi(2));
+            let disc = f64::from(PI * self.data.scene_radius.powi(2));
+            self.environment_power = table.flux * disc;
+            if let Some(excess) = self.lobes.then(|| table.of_excess(environment)).flatten() {
+                self.data.excess_rows = self.array(device, "environment.excess_rows", &excess.rows)?;
+                self.data.excess_columns =
+                    self.array(device, "environment.excess_columns", &excess.columns)?;
+                self.excess_power = excess.flux * disc;
+            }
         }
         Ok(())
     }
@@ -100,18 +114,28 @@ impl GpuScene {
 
         let mut powers: Vec<_> = records.iter().map(|record| (0, 0, power(record))).collect();
         powers.extend(self.emitters.iter().map(|e| (e.instance, e.primitive, e.power)));
-        if self.data.environment_rows != 0 {
-            // Positive also in a scene without extent.
-            powers.push((0, 0, self.environment_power.max(f64::MIN_POSITIVE)));
-        }
+        // Positive also in a scene without extent.
+        let environment = |rows, power: f64| (rows != 0).then(|| (0, 0, power.max(f64::MIN_POSITIVE)));
+        let all = environment(self.data.environment_rows, self.environment_power);
+        let excess = environment(self.data.excess_rows, self.excess_power);
+        let emitters = powers[records.len()..].to_vec();
+        powers.extend(all);
         let (mut choices, inverse_power) = emitter::choices(&powers);
-        let (area_choices, inverse_area_power) = match &powers[records.len()..] {
-            [] => (Vec::new(), 0.0),
-            powers => emitter::choices(powers),
-        };
+        let (area_choices, inverse_area_power) = emitter::choices(&powers[records.len()..]);
         self.data.light_choice_count = choices.len() as u32;
         self.data.inverse_area_power = inverse_area_power;
+        self.data.excess_choices = choices.len() as u32;
+        self.data.excess_choice_count = area_choices.len() as u32;
+        self.data.inverse_excess_power = inverse_area_power;
         choices.extend(area_choices);
+        if self.lobes && all.is_some() {
+            let (excess_choices, inverse_excess_power) =
+                emitter::choices(&[emitters, excess.into_iter().collect()].concat());
+            self.data.excess_choices = choices.len() as u32;
+            self.data.excess_choice_count = excess_choices.len() as u32;
+            self.data.inverse_excess_power = inverse_excess_power;
+            choices.extend(excess_choices);
+        }
         let buffer = match &choices[..] {
             [] => None,
             choices => Some(Arc::new(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?)),

@@ -87,6 +87,9 @@ impl Renderer {
         counters: Option<&Arc<vk::Buffer>>,
     ) -> Result<Arc<SceneSet>, Error> {
         let resident = Arc::clone(self.prepared.resident());
+        let (area_lights, samples) = (resident.area_lights(), config.whitted.light_samples);
+        let lobes =
+            config.indirect.glossy && self.prepared.profile(config.whitted.mirror_roughness).rough_lobes;
         let data = shaders::SceneData {
             camera: camera_data(&camera.moved(-self.prepared.offset()), config.size),
             full_size: config.size,
@@ -98,7 +101,8 @@ impl Renderer {
             mirror_roughness: config.whitted.mirror_roughness,
             pane_roughness: (config.method.pane_roughness)(config),
             energy_conserving: config.energy_conserving.into(),
-            light_samples: if resident.area_lights() { config.whitted.light_samples } else { 0 },
+            light_samples: if area_lights { samples } else { 0 },
+            lobe_samples: if area_lights && lobes { samples } else { 0 },
             ..resident.data()
         };
         if let Some(counters) = counters {

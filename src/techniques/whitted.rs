@@ -13,9 +13,12 @@
 //!
 //! Bias: specular paths deeper than `specular_depth` are left out; transmissive surfaces block shadow rays, so there are
 //! no caustics from point lights but through VPLs.
-//! Noise: lights that have a size are sampled by themselves, not by lobes: the smoother a lobe and the larger the light,
-//! the more `light_samples` it takes.
-//! Cost: one shadow ray a light and `light_samples`; behind mirrors and glass also one a VPL.
+//! Where a surface has a glossy lobe, as many rays again follow all that it scatters by but mirrors and find emissive
+//! triangles and the environment; the power heuristic weighs both (Veach 1997). Beside them of the environment only what
+//! exceeds its mean is chosen (MIS compensation; Karlík et al. 2019).
+//! Noise: grain by the rays to and from lights that have a size, where a lobe sees many of them, or few of much light.
+//! Cost: one shadow ray a light and `light_samples`, twice as many on glossy surfaces; behind mirrors and glass also one a
+//! VPL.
 
 use super::setting::{BadValue, Settings, within};
 use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
@@ -47,9 +50,9 @@ pub struct WhittedConfig {
     /// Roughness (perceptual) up to which a surface or a clear coat is a mirror, 0 … 1. More turns glossy surfaces into
     /// mirrors; lobes above it count with `indirect.glossy`. Ours: the paper does not say.
     pub mirror_roughness: f32,
-    /// Shadow rays from a point to emissive triangles and the environment together, 1 … 4096; lights without size get one
-    /// each. More: smoother penumbrae, and lobes lit by large lights; time in proportion. No bias. Ours: the paper's
-    /// lights are points.
+    /// Shadow rays from a point to emissive triangles and the environment together, 1 … 4096, and with `indirect.glossy` as
+    /// many again by the lobes of glossy surfaces; lights without size get one each. More: smoother penumbrae and
+    /// highlights; time in proportion. No bias. Ours: the paper's lights are points.
     pub light_samples: u32,
 }
 
@@ -68,9 +71,10 @@ impl Settings for WhittedConfig {
 }
 
 impl WhittedConfig {
-    /// Sources that light a point at most: lights, samples of those that have a size, VPLs.
+    /// Sources that light a point at most: lights, samples of those that have a size, VPLs, rays of its lobes.
     fn sources(&self, k: &Kernels, vpls: &Vpls) -> u32 {
-        k.lights() + if k.area_lights() { self.light_samples } else { 0 } + vpls.slots
+        let samples = if k.area_lights() { self.light_samples } else { 0 };
+        k.lights() + samples + vpls.slots + if k.glossy_lobes() { samples } else { 0 }
     }
 }
 
