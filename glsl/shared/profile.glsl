@@ -25,5 +25,7 @@ layout(constant_id = 128) const bool EMISSIVE_TRIANGLES = true;
 layout(constant_id = 129) const bool ENVIRONMENT = true;
 // Clear coats and lobes rougher than a mirror are evaluated, by methods that could leave them out.
 layout(constant_id = 130) const bool GLOSSY = true;
+// Smooth facets stand for curved surfaces (`shadow_terminator`), and some facet's shading normals leave its own.
+layout(constant_id = 131) const bool CURVED = true;
 
 #endif

@@ -136,8 +136,8 @@ void main() {
             float p = r / (r + t);
             if (unit_float(hash(scene.seed, path, rays)) < p) {
                 flux *= split.reflected / p;
-                direction = reflect_above(direction, surface.normal, surface.geometric_normal);
-                origin = offset_origin(surface.position, surface.geometric_normal);
+                direction = reflect_above(direction, surface.normal, surface.side_normal);
+                origin = leave(surface, direction);
             } else {
                 flux *= split.transmitted / (1.0 - p);
                 direction = transmit(surface.material, direction, surface.normal, front);

@@ -23,20 +23,20 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
     Receiver x = receiver_at(surface);
     GlossySurface glossy;
     if (GLOSSY) glossy = glossy_surface(surface, front, to_viewer);
-    vec3 origin = offset_origin(x.position, x.geometric_normal);
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     if (!CONTINUES) {
         for (uint i = 0u; i < scene.light_count; ++i) {
             vec3 source, arriving, direction;
             Light light = LightArray(scene.lights)[i].at;
+            Receiver y = facing(x, light);
             if (GLOSSY) {
-                arriving = perpendicular(light, x.position, source, direction);
+                arriving = perpendicular(light, y.position, source, direction);
                 if (arriving != vec3(0.0)) arriving *= scattered(glossy, direction, LOBES_LIT);
             } else {
-                arriving = unshadowed(light, x, source);
+                arriving = unshadowed(light, y, source);
             }
             if (arriving == vec3(0.0)) continue;
-            arriving = shadowed(arriving, visibility(origin, source, rays));
+            arriving = shadowed(arriving, visibility(target(y), source, rays));
             if (GLOSSY) radiance += arriving;
             else irradiance += arriving;
         }
@@ -46,10 +46,11 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
         uint last = min(params.last, scene.light_samples);
         for (uint i = params.first; i < last; ++i) {
             LightSample light;
-            if (!area_light(origin, i, seed, light)) continue;
+            vec3 origin;
+            if (!area_light(x, i, seed, light, origin)) continue;
             vec3 share;
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT);
-            else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
+            else share = vec3(dot(x.side_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
             vec3 visible = visibility(origin, light.direction, light.distance, false, rays);
             sampled += shadowed(share * light.radiance_over_pdf, visible);

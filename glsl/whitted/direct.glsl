@@ -6,13 +6,18 @@
 #include "lib/lights.glsl"
 #include "lib/receiver.glsl"
 
-// W/m² from a light if nothing is between, and where its light comes from; 0 behind the receiver's plane.
+// Where a light without size meets a receiver.
+Receiver facing(Receiver x, Light light) {
+    return facing(x, is_directional(light) ? -light.direction : light.position - x.position);
+}
+
+// W/m² from a light if nothing is between, and where its light comes from; 0 behind its plane.
 vec3 unshadowed(Light light, Receiver x, out vec3 source) {
     vec3 to_light = light.position - x.position;
     if (is_directional(light)) to_light = -light.direction * (4.0 * scene.scene_radius);
     source = x.position + to_light;
     float cosine = dot(x.normal, to_light);
-    if (cosine <= 0.0 || dot(x.geometric_normal, to_light) <= 0.0) return vec3(0.0);
+    if (cosine <= 0.0 || dot(x.side_normal, to_light) <= 0.0) return vec3(0.0);
     float distance2 = dot(to_light, to_light);
     vec3 arriving = light.intensity * (cosine * inversesqrt(distance2));
     if (!is_directional(light)) arriving /= distance2;
@@ -43,8 +48,8 @@ uint area_seed(uvec2 pixel) {
 
 // Sample `i` of so many as scene.light_samples, to be divided by that: W/m² across the direction it comes from, unless
 // something is between.
-bool area_light(vec3 from, uint i, uint seed, out LightSample light) {
-    return sample_area_light(from, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light);
+bool area_light(Receiver x, uint i, uint seed, out LightSample light, out vec3 from) {
+    return sample_area_light(x, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light, from);
 }
 
 #endif

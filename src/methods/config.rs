@@ -31,6 +31,7 @@ impl Default for RenderConfig {
             pixel_samples: 1,
             crop: None,
             energy_conserving: false,
+            shadow_terminator: true,
             vpl_shoot: VplShootConfig::default(),
             whitted: WhittedConfig::default(),
             indirect: IndirectConfig::default(),
@@ -53,10 +54,12 @@ pub struct Preset {
     pub settings: &'static [&'static str],
 }
 
-/// What every preset begins with: the paper's VPLs, every acceleration off, and Lambertian surfaces and mirrors alone.
-const CANONICAL: [&str; 11] = [
+/// What every preset begins with: the paper's VPLs, every acceleration off, Lambertian surfaces and mirrors
+/// alone, and facets as they are.
+const CANONICAL: [&str; 12] = [
     "vpl_shoot.vpls=180",
     "pixel_samples=1",
+    "shadow_terminator=false",
     "indirect.compensation=0",
     "indirect.visibility=exact",
     "indirect.box_split=auto",
@@ -394,6 +397,7 @@ mod tests {
             plain
         };
         let mut expected = with("indirect.glossy=false").unwrap();
+        expected.shadow_terminator = false;
         for (name, change) in [
             ("paper-canonical", "seed=0"),
             ("paper-imperfect", "indirect.visibility=boxes"),
@@ -416,6 +420,7 @@ mod tests {
             ("pixel_samples", "4"),
             ("crop", "[1, 2, 3, 4]"),
             ("energy_conserving", "true"),
+            ("shadow_terminator", "false"),
             ("vpl_shoot.vpls", "90"),
             ("vpl_shoot.bounces", "2"),
             ("whitted.specular_depth", "1"),

@@ -27,6 +27,8 @@ pub enum Feature {
     VertexColors,
     /// Shading normals.
     SmoothNormals,
+    /// Facets that stand for curved surfaces.
+    Curved,
     /// Meshes with more than one instance.
     Instanced,
     /// Mirrors: rays that follow them.
@@ -70,6 +72,7 @@ impl Feature {
         Self::Uv1,
         Self::VertexColors,
         Self::SmoothNormals,
+        Self::Curved,
         Self::Instanced,
         Self::Mirrors,
         Self::Glass,
@@ -101,6 +104,7 @@ impl Feature {
             Self::Uv1 => "second texture coordinates",
             Self::VertexColors => "vertex colours",
             Self::SmoothNormals => "shading normals",
+            Self::Curved => "curved surfaces",
             Self::Instanced => "instances",
             Self::Mirrors => "mirrors",
             Self::Glass => "glass",
@@ -135,6 +139,7 @@ impl SceneProfile {
             Feature::Uv1 => &mut self.uv1,
             Feature::VertexColors => &mut self.vertex_colors,
             Feature::SmoothNormals => &mut self.smooth_normals,
+            Feature::Curved => &mut self.curved,
             Feature::Instanced => &mut self.instanced,
             Feature::Mirrors => &mut self.mirrors,
             Feature::Glass => &mut self.glass,

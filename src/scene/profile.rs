@@ -36,6 +36,8 @@ pub struct SceneProfile {
     pub vertex_colors: bool,
     /// Shading normals other than the triangles' own.
     pub smooth_normals: bool,
+    /// Triangles whose shading normals bend away from their own.
+    pub curved: bool,
     /// A mesh with more than one instance.
     pub instanced: bool,
     /// Opaque materials with a specular lobe as smooth as a mirror.
@@ -91,6 +93,7 @@ impl SceneProfile {
             profile.instanced |= uses > 1;
             profile.vertex_colors |= !mesh.colors.is_empty();
             profile.smooth_normals |= mesh.normals.iter().any(|&normal| normal != Vec3::ZERO);
+            profile.curved = profile.curved || mesh.is_curved();
             for &material in &mesh.materials {
                 used[material as usize] = true;
             }
@@ -203,6 +206,10 @@ impl SceneProfile {
             (!self.vertex_colors, "no vertex colours: they are not read"),
             (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),
             (!self.smooth_normals, "no shading normals: triangles' own normals"),
+            (
+                self.smooth_normals && !self.curved,
+                "shading normals are the triangles' own: no facets to smooth",
+            ),
             (!self.alpha_blend, "no blended materials: every surface covers all behind it"),
             (!self.alpha_mask, "no alpha masks: every triangle is opaque to rays"),
             (!self.instanced, "every mesh is there once: no two-level traversal"),

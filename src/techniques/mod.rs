@@ -49,6 +49,7 @@ impl Kernels {
             uv1: profile.uv1,
             vertex_colors: profile.vertex_colors,
             smooth_normals: profile.smooth_normals,
+            curved: profile.curved,
             mirrors: profile.mirrors,
             glass: profile.glass,
             volumes: profile.volumes,
@@ -69,6 +70,13 @@ impl Kernels {
             glossy: false,
             ..SceneSpec::default()
         }
+    }
+
+    /// Facets are what they are: `shadow_terminator` is off.
+    #[must_use]
+    pub(crate) fn without_curves(mut self) -> Self {
+        self.scene.curved = false;
+        self
     }
 
     /// The constants themselves.
