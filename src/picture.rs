@@ -183,9 +183,14 @@ fn layer_channels<'a>(name: &str, suffixes: &[&str], layer: &'a Layer) -> Channe
 fn sampling(config: &RenderConfig) -> String {
     let path_trace =
         PathTraceConfig { spp: 0, max_depth: Some(config.max_depth()), ..config.path_trace.clone() };
-    let (method, energy_conserving) = (config.method.name, config.energy_conserving);
-    serde_json::json!({ "method": method, "path_trace": path_trace, "energy_conserving": energy_conserving })
-        .to_string()
+    serde_json::json!({
+        "method": config.method.name,
+        "path_trace": path_trace,
+        "energy_conserving": config.energy_conserving,
+        "shadow_terminator": config.shadow_terminator,
+        "panes": config.panes,
+    })
+    .to_string()
 }
 
 /// What differs between two texts of [`sampling`], as it is in each; the texts themselves where they are none.

@@ -330,6 +330,30 @@ fn both_estimators_have_one_mean() {
     }
 }
 
+/// The same of coarse smooth balls, whose light from below a facet arrives over it: close to a lamp, where that height is
+/// much, and under a sky.
+#[test]
+fn both_estimators_have_one_mean_over_facets() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut mesh = builtin::sphere(0, Vec3::ONE).meshes.swap_remove(0);
+    mesh.normals = mesh.positions.clone();
+    mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let varnish = Material { metallic: 0.0, roughness: 0.4, ..gray(0.8) };
+    // As high as the ball and behind it: much of it lies below the facets that are seen.
+    let lamp_behind = quad(Vec3::new(1.5, -1.5, -2.0), Vec3::Y * 3.0, Vec3::Z * 4.0, 1);
+    let mut scene = scene(vec![mesh, lamp_behind], vec![varnish, lamp(3.0)]);
+    scene.environment = Some(Environment::constant(Vec3::splat(0.2)));
+    let camera = Camera::look_at("front", Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 0.6);
+    let mut renderer = software(&device, scene);
+    let mut of = |estimator, spp, seed| {
+        let mut config = RenderConfig { seed, ..config(12, 12, spp, 3) };
+        config.path_trace.estimator = estimator;
+        estimate(&mut renderer, &config, &camera, 16)
+    };
+    let (mis, naive) = (of(Estimator::Mis, 64, 0), of(Estimator::Naive, 512, 100));
+    assert_equal_but_for_noise("facets", &mis, &naive, 0.02);
+}
+
 /// Light of a glowing ball focused by a glass one: only chance finds it, whichever estimator.
 #[test]
 fn a_caustic_is_the_same_with_and_without_asking() {

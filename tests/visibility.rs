@@ -20,8 +20,8 @@ use parhelion::vk::{Backend, Device, DeviceKind};
 use std::sync::Arc;
 
 const RAYS: usize = 10_000;
-const BOXES: BoxOptions = BoxOptions { split: None, planes: false };
-const PLANES: BoxOptions = BoxOptions { split: None, planes: true };
+const BOXES: BoxOptions = BoxOptions { split: None, planes: false, panes: false };
+const PLANES: BoxOptions = BoxOptions { split: None, planes: true, panes: false };
 
 // ---- scenes ----
 

@@ -24,9 +24,9 @@ uint compensation_seed(ivec2 pixel) {
 
 // W/m² that arrive unshadowed along one sample of the lights, over its probability.
 vec3 arriving_light(Receiver x, vec3 u, inout uint rays) {
-    vec3 from = offset_origin(x.position, x.geometric_normal);
+    vec3 from;
     LightSample light;
-    if (!sample_light(from, u, light) || dot(x.geometric_normal, light.direction) <= 0.0) return vec3(0.0);
+    if (!sample_light(x, u, light, from) || dot(x.side_normal, light.direction) <= 0.0) return vec3(0.0);
     float cosine = dot(x.normal, light.direction);
     if (cosine <= 0.0) return vec3(0.0);
     return arriving(cosine * light.radiance_over_pdf, from, light.direction, light.distance, rays);
@@ -37,7 +37,7 @@ vec3 arriving_vpl(Receiver x, float u, uint bounces, float min_distance, inout u
     if (count.vpls == 0u) return vec3(0.0);
     uint k = min(uint(u * float(count.vpls)), count.vpls - 1u);
     if (vpls.data[k].bounce >= bounces) return vec3(0.0);
-    Connection c = connect_vpl(k, x, offset_origin(x.position, x.geometric_normal), min_distance);
+    Connection c = connect_vpl(k, x, min_distance);
     if (c.light == vec3(0.0)) return vec3(0.0);
     return arriving(float(count.vpls) * c.light, c.from, c.to, rays);
 }
@@ -74,8 +74,8 @@ vec3 lost_light(Receiver x, uint i, uint seed, uint vertices, float min_distance
         uint set = seed + SETS_A_VERTEX * v;
         // Density cosθ/π: π times the next vertex' radiance ρ/π · E is ρ · E.
         vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(set + SET_DIRECTION)));
-        if (dot(x.geometric_normal, direction) <= 0.0) break;
-        vec3 origin = offset_origin(x.position, x.geometric_normal);
+        if (dot(x.side_normal, direction) <= 0.0) break;
+        vec3 origin = target(facing(x, direction));
         Surface surface;
         if (!next_surface(origin, direction, 1.2 * min_distance, hash(set, i), surface, throughput, rays)) break;
         bool front = face(surface, -direction);

@@ -173,7 +173,7 @@ float diffuse_factor(Surface s, Layers l, Split split, vec3 wi, bool front) {
 void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out vec3 f, out float pdf) {
     f = vec3(0.0);
     pdf = 0.0;
-    float side_o = dot(s.geometric_normal, wo), side_i = dot(s.geometric_normal, wi);
+    float side_o = dot(s.geometric_normal, wo), side_i = dot(s.side_normal, wi);
     if (side_o <= 0.0 || side_i == 0.0 || (s.material.flags & MATERIAL_UNLIT) != 0u) return;
     float beneath = 1.0 - l.coat;
     vec3 i = wi * l.frame;
@@ -253,7 +253,7 @@ bool sample_layers(Surface s, bool front, vec3 wo, vec3 u, uint lobes, Layers l,
         b.direction = l.coat_frame * reflect(-l.coat_wo, h);
         b.lobe = delta ? LOBE_DELTA : LOBE_GLOSSY;
         if (delta) {
-            b.direction = reflect_above(-wo, l.coat_frame[2], s.geometric_normal);
+            b.direction = reflect_above(-wo, l.coat_frame[2], s.side_normal);
             b.weight = vec3(l.coat / l.p_coat);
             return true;
         }
@@ -268,7 +268,7 @@ bool sample_layers(Surface s, bool front, vec3 wo, vec3 u, uint lobes, Layers l,
         if (v < p) {
             b.lobe = l.delta ? LOBE_DELTA : LOBE_GLOSSY;
             if (l.delta) {
-                b.direction = reflect_above(-wo, l.frame[2], s.geometric_normal);
+                b.direction = reflect_above(-wo, l.frame[2], s.side_normal);
                 b.weight = split.reflected * (beneath / (l.p_interface * p));
                 return b.weight != vec3(0.0);
             }
@@ -299,7 +299,7 @@ bool sample_layers(Surface s, bool front, vec3 wo, vec3 u, uint lobes, Layers l,
     }
     // On the side the lobe belongs to, of both normals.
     bool transmitted = has_lobe(b.lobe, LOBE_TRANSMIT);
-    if (transmitted == (dot(s.geometric_normal, b.direction) > 0.0)) return false;
+    if (transmitted == (dot(s.side_normal, b.direction) > 0.0)) return false;
     if (b.lobe == LOBE_GLOSSY && dot(u.z < l.p_coat ? l.coat_frame[2] : l.frame[2], b.direction) <= 0.0) return false;
     vec3 f;
     evaluate(s, front, wo, b.direction, lobes, l, f, b.pdf);

@@ -109,10 +109,10 @@ Split split_light(Material material, float cos_i, bool front) {
 }
 
 // Mirrored direction; a bent normal can send it below the surface, from where it is lifted.
-vec3 reflect_above(vec3 direction, vec3 normal, vec3 geometric_normal) {
+vec3 reflect_above(vec3 direction, vec3 normal, vec3 side_normal) {
     vec3 reflected = reflect(direction, normal);
-    float above = dot(reflected, geometric_normal);
-    return above > 0.0 ? reflected : normalize(reflected + (1e-3 - above) * geometric_normal);
+    float above = dot(reflected, side_normal);
+    return above > 0.0 ? reflected : normalize(reflected + (1e-3 - above) * side_normal);
 }
 
 // Direction through a surface whose normal faces against `direction`.

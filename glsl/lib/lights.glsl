@@ -5,6 +5,7 @@
 #ifndef LIB_LIGHTS_GLSL
 #define LIB_LIGHTS_GLSL
 
+#include "lib/receiver.glsl"
 #include "lib/sampling.glsl"
 #include "lib/surface.glsl"
 #include "trace/offset.glsl"
@@ -264,6 +265,23 @@ bool sample_area_light(LightTable lights, vec3 from, vec3 u, out LightSample s) 
     if (is_environment(lights, i)) return sample_sky(lights, u.yz, choice, s);
     if (!EMISSIVE_TRIANGLES) return false;
     return sample_emitter(from, u.yz, choice, lights.inverse_power, s);
+}
+
+// Light that arrives at a receiver, and where shadow rays to it start.
+bool sample_light(Receiver x, vec3 u, out LightSample s, out vec3 from) {
+    from = target(x);
+    if (!sample_light(from, u, s)) return false;
+    if (!lifted(x.lift, x.geometric_normal, s.direction)) return true;
+    from = target(facing(x, s.direction));
+    return sample_light(from, u, s);
+}
+
+bool sample_area_light(LightTable lights, Receiver x, vec3 u, out LightSample s, out vec3 from) {
+    from = target(x);
+    if (!sample_area_light(lights, from, u, s)) return false;
+    if (!lifted(x.lift, x.geometric_normal, s.direction)) return true;
+    from = target(facing(x, s.direction));
+    return sample_area_light(lights, from, u, s);
 }
 
 // Density by solid angle of choosing the direction of a ray of unit length that found this surface `distance` away; 0

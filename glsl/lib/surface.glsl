@@ -5,12 +5,17 @@
 #include "shared/profile.glsl"
 #include "shared/scene.glsl"
 #include "trace/hit.glsl"
+#include "trace/offset.glsl"
 
 struct Surface {
     vec3 position;
     vec3 geometric_normal; // unit length, on the front side until facing() turns it
     vec3 normal;           // shading normal, unit length, on the geometric normal's side
     vec3 clearcoat_normal; // of the layer on top, as `normal`
+    // Of the surface that a facet stands for: its normal, which says what lies above it, and how high (m) it may be over
+    // the facet, on the geometric normal's side and behind. The geometric normal and 0 where it is the facet.
+    vec3 side_normal;
+    vec2 lifts;
     Material material;     // its textures and the vertex colour multiplied in
 };
 
@@ -166,6 +171,45 @@ void point_on(Instance instance, bool merged, Triangle triangle, vec3 w, out vec
     normal = largest > 0.0 ? winding * normalize(across / largest) : vec3(0.0, 0.0, 1.0);
 }
 
+// An interpolated normal, or one of a vertex, in the world.
+vec3 placed_normal(Instance instance, bool merged, vec3 n) {
+    if (merged) return n;
+    // The cofactor matrix carries normals whatever the scaling.
+    mat3 m = mat3(instance.object_to_world);
+    return instance.orientation * (cross(m[1], m[2]) * n.x + cross(m[2], m[0]) * n.y + cross(m[0], m[1]) * n.z);
+}
+
+// Facets stand for what their vertices' normals bend (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021):
+// light is above or below it by the interpolated normal, and rays whose directions lie below the facet but above it start
+// where the vertices' tangent planes are on average, over the point. All other rays start at the facet: that height, up to
+// twice the curved surface's, would let light beneath what stands on it. Surfaces that transmit have no such side.
+void curve(inout Surface s, Instance instance, bool merged, uvec3 v, vec3 w) {
+    if (s.material.transmission > 0.0 && s.material.metallic < 1.0) return;
+    vec3 g = s.geometric_normal;
+    Vec3Array positions = Vec3Array(scene.positions), normals = Vec3Array(scene.normals);
+    vec3 n = placed_normal(instance, merged, w.x * normals[v.x].at + w.y * normals[v.y].at + w.z * normals[v.z].at);
+    float side = dot(n, g) < 0.0 ? -1.0 : 1.0;
+    bool bent = false;
+    vec2 lifts = vec2(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        vec3 corner = positions[v[i]].at;
+        vec3 normal = placed_normal(instance, merged, normals[v[i]].at);
+        float length2 = dot(normal, normal);
+        if (length2 == 0.0) continue;
+        normal *= side * inversesqrt(length2);
+        // A thousandth: what rounding and quantisation leave of a facet's own normal.
+        vec3 off = normal - g;
+        if (dot(off, off) < 1e-6) continue;
+        bent = true;
+        if (!merged) corner = instance.object_to_world * vec4(corner, 1.0);
+        float height = w[i] * dot(corner - s.position, normal) * dot(normal, g);
+        lifts += vec2(max(height, 0.0), max(-height, 0.0));
+    }
+    if (!bent) return;
+    s.side_normal = s.normal;
+    s.lifts = lifts;
+}
+
 Surface surface_at(Hit hit) {
     bool merged = true;
     if (INSTANCED) merged = hit.instance == 0u;
@@ -180,11 +224,7 @@ Surface surface_at(Hit hit) {
     if (SMOOTH_NORMALS && scene.normals != 0UL) {
         Vec3Array normals = Vec3Array(scene.normals);
         vec3 n = w.x * normals[v.x].at + w.y * normals[v.y].at + w.z * normals[v.z].at;
-        if (INSTANCED && hit.instance != 0u) {
-            // The cofactor matrix carries normals whatever the scaling.
-            mat3 m = mat3(instance.object_to_world);
-            n = instance.orientation * (cross(m[1], m[2]) * n.x + cross(m[2], m[0]) * n.y + cross(m[0], m[1]) * n.z);
-        }
+        if (INSTANCED) n = placed_normal(instance, merged, n);
         float length2 = dot(n, n);
         if (length2 > 0.0) {
             n *= inversesqrt(length2);
@@ -197,6 +237,9 @@ Surface surface_at(Hit hit) {
     surface.material.base_color = color.rgb;
     surface.material.alpha = color.a;
     apply_textures(surface.material, at);
+    surface.side_normal = surface.geometric_normal;
+    surface.lifts = vec2(0.0);
+    if (CURVED && scene.normals != 0UL) curve(surface, instance, merged, v, w);
     surface.clearcoat_normal = surface.normal;
     if (NORMAL_MAPS && scene.tangents != 0UL) {
         Vec4Array tangents = Vec4Array(scene.tangents);
@@ -217,15 +260,29 @@ Surface surface_at(Hit hit) {
     return surface;
 }
 
-// Turns both normals to the side of `to_viewer`; returns whether that is the front.
+// Turns all normals to the side of `to_viewer`; returns whether that is the front.
 bool face(inout Surface surface, vec3 to_viewer) {
     bool front = dot(surface.geometric_normal, to_viewer) >= 0.0;
     if (!front) {
         surface.geometric_normal = -surface.geometric_normal;
         surface.normal = -surface.normal;
         surface.clearcoat_normal = -surface.clearcoat_normal;
+        surface.side_normal = -surface.side_normal;
+        surface.lifts = surface.lifts.yx;
     }
     return front;
+}
+
+// Whether light from `direction`, of any length, meets the surface that the facet stands for over it.
+bool lifted(float lift, vec3 geometric_normal, vec3 direction) {
+    return CURVED && lift > 0.0 && dot(geometric_normal, direction) <= 0.0;
+}
+
+// Where a ray starts that leaves on the side that face() turned to, or arrives there the other way.
+vec3 leave(Surface s, vec3 direction) {
+    vec3 from = s.position;
+    if (lifted(s.lifts.x, s.geometric_normal, direction)) from += s.lifts.x * s.geometric_normal;
+    return offset_origin(from, s.geometric_normal);
 }
 
 // Share of light that meets the surface; the rest passes as if it were not there.

@@ -52,22 +52,22 @@ float sample_1d(uint set, uint vertex) { return sample_2d(set, vertex).x; }
 // f·|cosθ| of what is being computed; `albedo` where that is diffuse.
 vec3 scattered(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, vec3 albedo, out float pdf) {
     if (TRANSPORT != TRANSPORT_DIFFUSE_INDIRECT) return bsdf_evaluate(s, front, wo, wi, lobes, pdf);
-    pdf = dot(s.geometric_normal, wi) > 0.0 ? max(dot(s.normal, wi), 0.0) / PI : 0.0;
+    pdf = dot(s.side_normal, wi) > 0.0 ? max(dot(s.normal, wi), 0.0) / PI : 0.0;
     return albedo * pdf;
 }
 
 // Light that a source sends along an edge of its own to this vertex, and on towards wo.
 vec3 connect(Surface s, bool front, vec3 wo, uint lobes, vec3 albedo, uint vertex, vec3 absorption) {
-    vec3 from = offset_origin(s.position, s.geometric_normal);
+    vec3 from;
     LightSample light;
     vec3 u = vec3(sample_1d(SET_LIGHT_CHOICE, vertex), sample_2d(SET_LIGHT, vertex));
-    if (!sample_light(from, u, light)) return vec3(0.0);
+    if (!sample_light(receiver_at(s), u, light, from)) return vec3(0.0);
     if (CONNECT == CONNECT_DELTA && !light.delta) return vec3(0.0);
     float pdf;
     vec3 f = scattered(s, front, wo, light.direction, lobes, albedo, pdf);
     if (f == vec3(0.0)) return vec3(0.0);
     if (!light.delta) f *= power_heuristic(light.pdf, pdf);
-    if (GLASS && dot(s.geometric_normal, light.direction) < 0.0) {
+    if (GLASS && dot(s.side_normal, light.direction) < 0.0) {
         // From the other side to the same point.
         vec3 to = from + light.distance * light.direction;
         from = offset_origin(s.position, -s.geometric_normal);
@@ -85,6 +85,7 @@ vec3 trace_path(Ray ray) {
     // Of the last scattering: density of the direction, 0 where no light sample competes with it, and the lobe.
     float pdf = 0.0;
     uint lobe = LOBE_DELTA;
+    vec3 foot = vec3(0.0), above = vec3(0.0); // of a ray from over a facet: the point on it, and its normal
     float scale = 1.0;   // of radiance, by refraction
     float covered = 0.0; // distance since the last scattering, sheer surfaces passed
     uint passes = 0u;    // of partial coverage
@@ -117,6 +118,7 @@ vec3 trace_path(Ray ray) {
         }
         bool unlit = (s.material.flags & MATERIAL_UNLIT) != 0u;
         vec3 emitted = emitted_radiance(s.material, front);
+        if (CURVED && dot(above, s.position - foot) > 0.0) emitted = vec3(0.0);
         // Unlit surfaces are seen, also mirrored, but light nothing.
         if (counts && emitted != vec3(0.0) && !(unlit && lobe == LOBE_DIFFUSE)) {
             float weight = 1.0;
@@ -157,7 +159,7 @@ vec3 trace_path(Ray ray) {
         if (TRANSPORT == TRANSPORT_DIFFUSE_INDIRECT) {
             vec3 local = sample_cosine_hemisphere(u);
             ray.direction = basis_around(s.normal) * local;
-            if (dot(s.geometric_normal, ray.direction) <= 0.0) break;
+            if (dot(s.side_normal, ray.direction) <= 0.0) break;
             throughput *= albedo;
             pdf = local.z / PI;
             lobe = LOBE_DIFFUSE;
@@ -176,8 +178,12 @@ vec3 trace_path(Ray ray) {
             lobe = b.lobe;
             scale *= b.eta * b.eta;
         }
-        bool behind = dot(s.geometric_normal, ray.direction) < 0.0;
-        ray.origin = offset_origin(s.position, behind ? -s.geometric_normal : s.geometric_normal);
+        bool behind = dot(s.side_normal, ray.direction) < 0.0;
+        ray.origin = behind ? offset_origin(s.position, -s.geometric_normal) : leave(s, ray.direction);
+        // Emitters above the facet are asked from there: a ray from over it that finds one does not count.
+        bool over = lobe != LOBE_DELTA && lifted(s.lifts.x, s.geometric_normal, ray.direction);
+        foot = s.position;
+        above = over ? s.geometric_normal : vec3(0.0);
         if (behind) absorption = absorption_behind(s.material, front, absorption);
         covered = 0.0;
         ++depth;

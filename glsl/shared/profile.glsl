@@ -29,5 +29,7 @@ layout(constant_id = 132) const bool PANES = true;
 // Clear coats and lobes rougher than a mirror are evaluated, by methods that could leave them out.
 layout(constant_id = 130) const bool GLOSSY = true;
 layout(constant_id = 135) const bool DEEP_TEXTURES = true; // of 16 bits a channel
+// Smooth facets stand for curved surfaces (`shadow_terminator`), and some facet's shading normals leave its own.
+layout(constant_id = 133) const bool CURVED = true;
 
 #endif

@@ -37,7 +37,8 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= params.count) return;
     BsdfQuery q = queries.data[i];
-    Surface s = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), q.normal, q.clearcoat_normal, materials.data[q.material]);
+    Surface s = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), q.normal, q.clearcoat_normal, vec3(0.0, 0.0, 1.0), vec2(0.0),
+                        materials.data[q.material]);
     bool front = q.front != 0u;
     BsdfSample b;
     uint found = bsdf_sample(s, front, q.wo, q.u, q.lobes, b) ? 1u : 0u;

@@ -152,8 +152,8 @@ void main() {
             if (unit_float(hash(scene.seed, path, rays)) < p) {
                 if (pane && ++specular > scene.specular_depth) break;
                 flux *= split.reflected / p;
-                direction = reflect_above(direction, surface.normal, surface.geometric_normal);
-                origin = offset_origin(surface.position, surface.geometric_normal);
+                direction = reflect_above(direction, surface.normal, surface.side_normal);
+                origin = leave(surface, direction);
             } else {
                 flux *= (pane ? pane_share(surface, direction) : split.transmitted) / (1.0 - p);
                 direction = transmit(surface.material, direction, surface.normal, front);

@@ -6,6 +6,7 @@ layout(local_size_x = 64) in;
 #include "lib/media.glsl"
 #include "lib/receiver.glsl"
 #include "lib/sampling.glsl"
+#include "lib/sheer.glsl"
 #include "trace/offset.glsl"
 #include "trace/trace.glsl"
 
@@ -20,16 +21,18 @@ void main() {
     vec2 at = vec2(params.origin) + vec2(params.extent) * (cell + jitter) / float(params.side);
     uvec2 pixel = uvec2(at);
     Ray ray = camera_ray(pixel, at - vec2(pixel));
-    Receiver point = Receiver(vec3(0.0), vec3(0.0), vec3(0.0));
+    Receiver point = Receiver(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     Hit hit;
-    for (uint depth = 0u; depth <= scene.specular_depth; ++depth) {
+    for (int depth = 0; depth <= int(scene.specular_depth); ++depth) {
         if (!trace_closest(ray.origin, ray.direction, 0.0, 1.0 / 0.0, hit)) break;
         Surface surface = surface_at(hit);
         bool front = face(surface, -ray.direction);
         Material material = surface.material;
         float side = 1.0;
-        if (coverage(material) < 0.5) {
+        // Straight through is no bounce.
+        if (max_component(passing(surface, ray.direction)) > 0.5) {
             side = -1.0;
+            --depth;
         } else {
             Split split = split_light(material, clamp(-dot(ray.direction, surface.normal), 0.0, 1.0), front);
             float r = dot(split.reflected, vec3(1.0)), t = dot(split.transmitted, vec3(1.0));

@@ -22,20 +22,20 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
     Receiver x = receiver_at(surface);
     GlossySurface glossy;
     if (GLOSSY) glossy = glossy_surface(surface, front, to_viewer);
-    vec3 origin = offset_origin(x.position, x.geometric_normal);
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     if (!CONTINUES) {
         for (uint i = 0u; i < scene.light_count; ++i) {
             vec3 source, light_here, direction;
             Light light = LightArray(scene.lights)[i].at;
+            Receiver y = facing(x, light);
             if (GLOSSY) {
-                light_here = perpendicular(light, x.position, source, direction);
+                light_here = perpendicular(light, y.position, source, direction);
                 if (light_here != vec3(0.0)) light_here *= scattered(glossy, direction, LOBES_LIT);
             } else {
-                light_here = unshadowed(light, x, source);
+                light_here = unshadowed(light, y, source);
             }
             if (light_here == vec3(0.0)) continue;
-            light_here = arriving(light_here, origin, source, rays);
+            light_here = arriving(light_here, target(y), source, rays);
             if (GLOSSY) radiance += light_here;
             else irradiance += light_here;
         }
@@ -48,13 +48,14 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
         if (lobes) lights = table_beside_lobes();
         uint last = min(params.last, scene.light_samples);
         for (uint i = params.first; i < last; ++i) {
-            if (lobes) sampled += by_lobe(glossy, origin, i, seed, rays);
+            if (lobes) sampled += by_lobe(glossy, i, seed, rays);
             LightSample light;
-            if (!area_light(lights, origin, i, seed, light)) continue;
+            vec3 origin;
+            if (!area_light(lights, x, i, seed, light, origin)) continue;
             vec3 share;
             float pdf;
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT, pdf);
-            else share = vec3(dot(x.geometric_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
+            else share = vec3(dot(x.side_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
             if (lobes) share *= power_heuristic(light.pdf, pdf);
             sampled += arriving(share * light.radiance_over_pdf, origin, light.direction, light.distance, rays);

@@ -7,13 +7,18 @@
 #include "lib/receiver.glsl"
 #include "lib/visibility.glsl"
 
-// W/m² from a light if nothing is between, and where its light comes from; 0 behind the receiver's plane.
+// Where a light without size meets a receiver.
+Receiver facing(Receiver x, Light light) {
+    return facing(x, is_directional(light) ? -light.direction : light.position - x.position);
+}
+
+// W/m² from a light if nothing is between, and where its light comes from; 0 behind its plane.
 vec3 unshadowed(Light light, Receiver x, out vec3 source) {
     vec3 to_light = light.position - x.position;
     if (is_directional(light)) to_light = -light.direction * (4.0 * scene.scene_radius);
     source = x.position + to_light;
     float cosine = dot(x.normal, to_light);
-    if (cosine <= 0.0 || dot(x.geometric_normal, to_light) <= 0.0) return vec3(0.0);
+    if (cosine <= 0.0 || dot(x.side_normal, to_light) <= 0.0) return vec3(0.0);
     float distance2 = dot(to_light, to_light);
     vec3 arriving = light.intensity * (cosine * inversesqrt(distance2));
     if (!is_directional(light)) arriving /= distance2;
@@ -44,15 +49,18 @@ uint area_seed(uvec2 pixel) {
 
 // Sample `i` of so many as scene.light_samples, to be divided by that: W/m² across the direction it comes from, unless
 // something is between.
-bool area_light(LightTable lights, vec3 from, uint i, uint seed, out LightSample light) {
-    return sample_area_light(lights, from, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light);
+bool area_light(LightTable lights, Receiver x, uint i, uint seed, out LightSample light, out vec3 from) {
+    return sample_area_light(lights, x, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light, from);
 }
 
 // Whether a surface's lobes are sampled beside the lights that have a size: the power heuristic weighs what both find.
 bool samples_lobes(GlossySurface g) { return GLOSSY && scene.lobe_samples > 0u && has_glossy_lobe(g); }
 
-// Radiance of lights that have a size along a ray whose direction lobes gave with density `pdf`, weighted.
-vec3 light_along(vec3 from, vec3 direction, float pdf, inout uint rays) {
+// Radiance of lights that have a size along a ray whose direction lobes gave with density `pdf`, weighted. From over a
+// facet emitters above it do not count: those are asked from the facet.
+vec3 light_along(Surface x, vec3 direction, float pdf, inout uint rays) {
+    vec3 from = leave(x, direction);
+    bool over = lifted(x.lifts.x, x.geometric_normal, direction);
     LightTable lights = table_beside_lobes();
     vec3 sum = vec3(0.0), sky = vec3(0.0);
     if (ENVIRONMENT) sky = environment_radiance(direction) * power_heuristic(pdf, environment_pdf(lights, direction));
@@ -72,7 +80,8 @@ vec3 light_along(vec3 from, vec3 direction, float pdf, inout uint rays) {
         bool front = face(s, -direction);
         float covered = coverage(s.material);
         // Unlit surfaces light nothing.
-        if (s.material.emission != vec3(0.0) && (s.material.flags & MATERIAL_UNLIT) == 0u) {
+        bool counts = !over || dot(x.geometric_normal, s.position - x.position) <= 0.0;
+        if (counts && s.material.emission != vec3(0.0) && (s.material.flags & MATERIAL_UNLIT) == 0u) {
             float by_light = light_pdf(lights, hit, s, front, -direction, distance(from, s.position));
             sum += share * covered * emitted_radiance(s.material, front) * power_heuristic(pdf, by_light);
         }
@@ -84,10 +93,10 @@ vec3 light_along(vec3 from, vec3 direction, float pdf, inout uint rays) {
 
 // Radiance that a surface reflects of lights that have a size, by ray `i` of its lobes, of so many as scene.lobe_samples;
 // to be divided by that.
-vec3 by_lobe(GlossySurface g, vec3 from, uint i, uint seed, inout uint rays) {
+vec3 by_lobe(GlossySurface g, uint i, uint seed, inout uint rays) {
     BsdfSample b;
     if (!sample_lit(g, vec3(sobol(i, hash(seed, 3u)), sobol(i, hash(seed, 4u)).x), b)) return vec3(0.0);
-    return b.weight * light_along(from, b.direction, b.pdf, rays);
+    return b.weight * light_along(g.surface, b.direction, b.pdf, rays);
 }
 
 #endif

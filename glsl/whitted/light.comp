@@ -28,9 +28,17 @@ void main() {
     if (source >= last) return;
     uint rays = 0u;
     uint point = order.at[index];
-    Receiver x = points.data[point].receiver;
+    Reached reached = points.data[point];
+    Receiver x = Receiver(reached.position, reached.normal, reached.geometric_normal, reached.geometric_normal, 0.0);
     Lit lit;
-    if (GLOSSY) lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
+    if (GLOSSY) {
+        lit.glossy = glossy_surface(unpack_hit(seen.data[point].hit), seen.data[point].to_viewer);
+        if (CURVED) x = receiver_at(lit.glossy.surface);
+    } else if (CURVED) {
+        Surface surface = surface_at(unpack_hit(seen.data[point].hit));
+        face(surface, seen.data[point].to_viewer);
+        x = receiver_at(surface);
+    }
     if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
     uint end = min(source + args.at.share, last);
     parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);

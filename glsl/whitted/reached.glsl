@@ -13,13 +13,15 @@ const uint GROUP = 16u;  // sources whose light is summed before it is added to 
 uint source_count(uint vpls) { return scene.light_count + scene.light_samples + vpls + scene.lobe_samples; }
 
 struct Reached {
-    Receiver receiver;
+    vec3 position;
+    vec3 normal;
+    vec3 geometric_normal;
     vec3 reflected;  // radiance at the pixel for each W/m² there; of glossy scenes for each W/(sr·m²) it reflects
     vec3 irradiance; // W/m²; of glossy scenes what it reflects
     uint previous;   // the same pixel's point before this one
 };
 
-// What more glossy surfaces and lights that have a size need to know of it.
+// What more glossy or curved surfaces and lights that have a size need to know of it.
 struct Seen {
     uvec4 hit; // packed
     vec3 to_viewer;

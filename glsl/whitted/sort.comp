@@ -33,7 +33,7 @@ float unordered(uint v) { return uintBitsToFloat((v & 0x80000000u) != 0u ? v & 0
 uint bin_of(uint point) {
     vec3 low = vec3(unordered(least[0]), unordered(least[1]), unordered(least[2]));
     vec3 high = vec3(unordered(most[0]), unordered(most[1]), unordered(most[2]));
-    vec3 at = (points.data[point].receiver.position - low) / max(high - low, vec3(1e-30));
+    vec3 at = (points.data[point].position - low) / max(high - low, vec3(1e-30));
     uvec3 cell = min(uvec3(at * vec3(CELLS)), CELLS - 1u);
     // To and fro, so that neighbouring bins are neighbours in space.
     uint x = (cell.z & 1u) == 0u ? cell.x : CELLS.x - 1u - cell.x;
@@ -65,7 +65,7 @@ void main() {
     barrier();
     vec3 low = vec3(1.0 / 0.0), high = -low;
     for (uint point = thread; point < listed; point += SCAN_THREADS) {
-        vec3 position = points.data[point].receiver.position;
+        vec3 position = points.data[point].position;
         low = min(low, position);
         high = max(high, position);
     }

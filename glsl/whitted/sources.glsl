@@ -18,42 +18,43 @@ struct Lit {
 
 // Irradiance; of glossy scenes the radiance that goes on to the eye.
 vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, inout uint rays) {
-    vec3 here = offset_origin(x.position, x.geometric_normal);
     vec3 sum = vec3(0.0);
     bool lobes = false;
     if (GLOSSY) lobes = samples_lobes(lit.glossy);
     uint lobe_rays = source_count() - scene.lobe_samples;
     for (uint k = first; k < last; ++k) {
         vec3 direction;
-        Connection c = Connection(vec3(0.0), here, vec3(0.0));
+        Connection c = Connection(vec3(0.0), vec3(0.0), vec3(0.0));
         bool is_vpl = k >= scene.light_count + scene.light_samples;
         bool sampled = false;
         LightSample light;
         if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
             sampled = !is_vpl && k >= scene.light_count;
             if (k >= lobe_rays) {
-                if (lobes) sum += by_lobe(lit.glossy, here, k - lobe_rays, lit.seed, rays) / float(scene.lobe_samples);
+                if (lobes) sum += by_lobe(lit.glossy, k - lobe_rays, lit.seed, rays) / float(scene.lobe_samples);
                 continue;
             }
         }
         if (sampled) {
             LightTable lights = table_of_area_lights();
             if (lobes) lights = table_beside_lobes();
-            if (!area_light(lights, here, k - scene.light_count, lit.seed, light)) continue;
+            if (!area_light(lights, x, k - scene.light_count, lit.seed, light, c.from)) continue;
             direction = light.direction;
             c.light = light.radiance_over_pdf / float(scene.light_samples);
             if (!GLOSSY) {
-                c.light *= dot(x.geometric_normal, direction) > 0.0 ? max(dot(x.normal, direction), 0.0) : 0.0;
+                c.light *= dot(x.side_normal, direction) > 0.0 ? max(dot(x.normal, direction), 0.0) : 0.0;
             }
-            c.to = here + light.distance * direction;
+            c.to = c.from + light.distance * direction;
         } else if (!is_vpl) {
             Light light = LightArray(scene.lights)[k].at;
-            if (GLOSSY) c.light = perpendicular(light, x.position, c.to, direction);
-            else c.light = unshadowed(light, x, c.to);
+            Receiver y = facing(x, light);
+            c.from = target(y);
+            if (GLOSSY) c.light = perpendicular(light, y.position, c.to, direction);
+            else c.light = unshadowed(light, y, c.to);
         } else {
             uint vpl = k - scene.light_count - scene.light_samples;
-            if (GLOSSY) c = connect_vpl(vpl, x.position, here, min_distance, direction);
-            else c = connect_vpl(vpl, x, here, min_distance);
+            if (GLOSSY) c = connect_vpl(vpl, x, min_distance, direction);
+            else c = connect_vpl(vpl, x, min_distance);
         }
         if (c.light == vec3(0.0)) continue;
         if (GLOSSY) {

@@ -68,14 +68,14 @@ void spawn(Surface surface, bool front, vec3 incoming, vec3 throughput, vec3 abs
     if (GLOSSY) {
         throughput *= beneath;
         if (smooth_coat(material, front)) {
-            vec3 direction = reflect_above(incoming, surface.clearcoat_normal, surface.geometric_normal);
-            push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
+            vec3 direction = reflect_above(incoming, surface.clearcoat_normal, surface.side_normal);
+            push(Branch(leave(surface, direction), direction,
                         coated * (1.0 - beneath), absorption, depth + 1u));
         }
     }
     if (split.reflected != vec3(0.0) && !(pane && max_component(throughput * split.reflected) < FAINT)) {
-        vec3 direction = reflect_above(incoming, surface.normal, surface.geometric_normal);
-        push(Branch(offset_origin(surface.position, surface.geometric_normal), direction,
+        vec3 direction = reflect_above(incoming, surface.normal, surface.side_normal);
+        push(Branch(leave(surface, direction), direction,
                     throughput * split.reflected, absorption, depth + 1u));
     }
     if (GLASS && !pane && split.transmitted != vec3(0.0)) {
@@ -126,10 +126,10 @@ void main() {
             uint index = atomicAdd(args.at.count, 1u);
             lit.seed = hash(area_seed(uvec2(pixel)), followed);
             if (index < params.capacity) {
-                if (GLOSSY || EMISSIVE_TRIANGLES || ENVIRONMENT) {
+                if (GLOSSY || EMISSIVE_TRIANGLES || ENVIRONMENT || CURVED) {
                     seen.data[index] = Seen(pack_hit(hit), -branch.direction, lit.seed);
                 }
-                points.data[index] = Reached(receiver_at(surface), reflected, vec3(0.0), last);
+                points.data[index] = Reached(surface.position, surface.normal, surface.geometric_normal, reflected, vec3(0.0), last);
                 last = index;
                 uint groups = index / POINTS + 1u;
                 atomicMax(args.at.light.x, groups_along(groups));

@@ -14,6 +14,8 @@ pub struct BoxOptions {
     pub split: Option<f32>,
     /// Whether each box comes with its triangle's plane.
     pub planes: bool,
+    /// Whether panes have boxes, too.
+    pub panes: bool,
 }
 
 /// A box, as `glsl/trace/boxes.glsl` reads it.
@@ -41,7 +43,7 @@ impl Bounds {
     }
 }
 
-/// The boxes of all world triangles that have area, panes left out, instances flattened.
+/// The boxes of all world triangles that have area, instances flattened.
 #[derive(Clone, Debug, Default)]
 pub struct Boxes {
     /// In order of instance and primitive; the pieces of one triangle follow each other.
@@ -60,7 +62,9 @@ impl Boxes {
     pub fn of(geometry: &Geometry, options: &BoxOptions) -> Result<Self, Error> {
         let limit = geometry.world_triangle_count() + MAX_SPLIT_BOXES;
         let mut boxes = Self::default();
-        let blocks = |triangle: &WorldTriangle| !triangle.blocks.pane && super::has_area(triangle.vertices);
+        let blocks = |triangle: &WorldTriangle| {
+            (options.panes || !triangle.blocks.pane) && super::has_area(triangle.vertices)
+        };
         for triangle in geometry.world_triangles().filter(blocks) {
             match options.split {
                 None => boxes.bounds.push(Bounds::of(triangle.vertices)),
@@ -156,7 +160,7 @@ mod tests {
     fn unsplit_there_is_one_box_a_triangle_with_its_plane() {
         let geometry = Geometry::of(&builtin::sphere(2, Vec3::ONE)).unwrap();
         for split in [None, Some(10.0)] {
-            let boxes = Boxes::of(&geometry, &BoxOptions { split, planes: true }).unwrap();
+            let boxes = Boxes::of(&geometry, &BoxOptions { split, planes: true, panes: false }).unwrap();
             let expected: Vec<_> = geometry.world_triangles().map(|t| Bounds::of(t.vertices)).collect();
             assert_eq!(boxes.bounds, expected);
             for (triangle, &[x, y, z, distance]) in geometry.world_triangles().zip(&boxes.planes) {
@@ -203,7 +207,8 @@ mod tests {
     #[test]
     fn too_many_pieces_say_what_to_raise() {
         let geometry = Geometry::of(&builtin::sphere(0, Vec3::ONE)).unwrap();
-        let error = Boxes::of(&geometry, &BoxOptions { split: Some(1e-6), planes: false }).unwrap_err();
+        let error =
+            Boxes::of(&geometry, &BoxOptions { split: Some(1e-6), ..BoxOptions::default() }).unwrap_err();
         assert!(matches!(error, Error::TooMany { .. }) && error.to_string().contains("box_split"), "{error}");
     }
 }

@@ -99,7 +99,9 @@ impl Structure {
     /// Whether [`Self::build_boxes`] has built what `options` ask for.
     #[must_use]
     pub fn has_boxes(&self, options: &BoxOptions) -> bool {
-        let fits = |built: &BoxOptions| built.split == options.split && built.planes >= options.planes;
+        let fits = |built: &BoxOptions| {
+            built.split == options.split && built.planes >= options.planes && built.panes == options.panes
+        };
         self.boxes.as_ref().is_some_and(|boxes| fits(&boxes.options))
     }
 

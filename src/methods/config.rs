@@ -31,6 +31,8 @@ impl Default for RenderConfig {
             pixel_samples: 1,
             crop: None,
             energy_conserving: false,
+            shadow_terminator: true,
+            panes: true,
             vpl_shoot: VplShootConfig::default(),
             whitted: WhittedConfig::default(),
             indirect: IndirectConfig::default(),
@@ -53,10 +55,13 @@ pub struct Preset {
     pub settings: &'static [&'static str],
 }
 
-/// What every preset begins with: the paper's VPLs, every acceleration off, and Lambertian surfaces and mirrors alone.
-const CANONICAL: [&str; 11] = [
+/// What every preset begins with: the paper's VPLs, every acceleration off, Lambertian surfaces and mirrors
+/// alone, facets as they are and panes that block shadow rays.
+const CANONICAL: [&str; 13] = [
     "vpl_shoot.vpls=180",
     "pixel_samples=1",
+    "shadow_terminator=false",
+    "panes=false",
     "indirect.compensation=0",
     "indirect.visibility=exact",
     "indirect.box_split=auto",
@@ -394,6 +399,8 @@ mod tests {
             plain
         };
         let mut expected = with("indirect.glossy=false").unwrap();
+        expected.shadow_terminator = false;
+        expected.panes = false;
         for (name, change) in [
             ("paper-canonical", "seed=0"),
             ("paper-imperfect", "indirect.visibility=boxes"),
@@ -416,6 +423,8 @@ mod tests {
             ("pixel_samples", "4"),
             ("crop", "[1, 2, 3, 4]"),
             ("energy_conserving", "true"),
+            ("shadow_terminator", "false"),
+            ("panes", "false"),
             ("vpl_shoot.vpls", "90"),
             ("vpl_shoot.bounces", "2"),
             ("whitted.specular_depth", "1"),

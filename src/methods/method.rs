@@ -224,6 +224,17 @@ pub struct RenderConfig {
     /// Otherwise they are mixed as glTF 2.0 publishes it, which reflects too much at grazing angles (1.59 times what
     /// arrives at 85° and roughness 0.05). Method `igi` heeds it with `indirect.glossy` only: otherwise the parts never meet.
     pub energy_conserving: bool,
+    /// Whether facets whose vertices' normals bend away from their own are lit as the curved surface that they stand for: by
+    /// the side of the interpolated normal, not of the facet, along rays that start over it (Hanika 2021). Without it coarse
+    /// meshes show black facets where the light sinks below them (the shadow terminator). Energy: light that a facet got
+    /// before is the same, that from below it is added, at most what a smooth surface gets; a white one under white light
+    /// stays white. Bias: rays from below pass over what stands on the facet, up to twice the height of the curve; light
+    /// paths meet facets as they are, so this light leaves no VPLs. Surfaces that transmit are facets. Presets turn it off.
+    pub shadow_terminator: bool,
+    /// Whether light goes straight through panes: thin walls that transmit and are smooth. Otherwise they block shadow rays,
+    /// rooms behind glass are dark, and to pass one is a bounce. No bias by itself, but for roughness up to
+    /// `whitted.mirror_roughness`, which method `igi` takes for none. Ours: the paper does not say; its presets turn it off.
+    pub panes: bool,
     /// Virtual point lights.
     pub vpl_shoot: VplShootConfig,
     /// Direct light and specular paths.

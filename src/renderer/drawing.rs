@@ -67,7 +67,10 @@ impl Drawing {
 
 /// The kernels for a frame, which model these, too.
 pub(super) fn modelling(kernels: Kernels, config: &RenderConfig, features: &[Feature]) -> Kernels {
-    (config.method.kernels)(kernels.modelling(features), config)
+    let kernels = kernels.modelling(features);
+    let kernels = if config.shadow_terminator { kernels } else { kernels.without_curves() };
+    let kernels = if config.panes { kernels } else { kernels.without_panes() };
+    (config.method.kernels)(kernels, config)
 }
 
 /// A picture for a screen and its exposure, which glare leaves as it is.

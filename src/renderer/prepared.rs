@@ -3,13 +3,14 @@
 
 use super::drawing::modelling;
 use super::error::Error;
+use crate::accel::boxes::BoxOptions;
 use crate::accel::{Geometry, Structure, StructureReport};
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
 use crate::scene::{Feature, Light, Scene, SceneProfile};
 use crate::shaders::SceneData;
 use crate::techniques::Kernels;
-use crate::techniques::indirect::{IndirectConfig, Visibility};
+use crate::techniques::indirect::Visibility;
 use crate::vk::{self, Backend};
 use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -227,26 +228,26 @@ impl Prepared {
     }
 
     /// Whether the structures are those that a frame traces rays in.
-    pub(super) fn serves(&self, config: &IndirectConfig) -> bool {
+    pub(super) fn serves(&self, config: &RenderConfig) -> bool {
         let structure = &self.resident.structure;
-        let whole = config.visibility != Visibility::BoxesInline || structure.is_whole();
-        whole && config.boxes().is_none_or(|options| structure.has_boxes(&options))
+        let whole = config.indirect.visibility != Visibility::BoxesInline || structure.is_whole();
+        whole && boxes(config).is_none_or(|options| structure.has_boxes(&options))
     }
 
     /// Builds the structures that a frame traces rays in, unless they are there.
     ///
     /// # Errors
     /// A backend that does not trace them, too much geometry, or too little memory.
-    pub(super) fn serve(&mut self, config: &IndirectConfig) -> Result<Invalidated, Error> {
-        if config.visibility.software_only() && self.backend != Backend::Software {
-            return Err(Error::SoftwareOnly { visibility: config.visibility.name() });
+    pub(super) fn serve(&mut self, config: &RenderConfig) -> Result<Invalidated, Error> {
+        if config.indirect.visibility.software_only() && self.backend != Backend::Software {
+            return Err(Error::SoftwareOnly { visibility: config.indirect.visibility.name() });
         }
         let mut structure = self.resident.structure.clone();
         let geometry = Geometry::of(&self.scene.near_origin())?;
-        if config.visibility == Visibility::BoxesInline && !structure.is_whole() {
+        if config.indirect.visibility == Visibility::BoxesInline && !structure.is_whole() {
             structure.rebuild_whole(&self.device, &geometry)?;
         }
-        if let Some(options) = config.boxes().filter(|options| !structure.has_boxes(options)) {
+        if let Some(options) = boxes(config).filter(|options| !structure.has_boxes(options)) {
             structure.build_boxes(&self.device, &geometry, &options)?;
         }
         let pipelines = structure.stack_depth() != self.resident.structure.stack_depth();
@@ -271,6 +272,11 @@ impl Resident {
     pub(super) fn area_lights(&self) -> bool {
         self.gpu.area_lights()
     }
+}
+
+/// Boxes that a frame's imperfect visibility needs.
+fn boxes(config: &RenderConfig) -> Option<BoxOptions> {
+    config.indirect.boxes().map(|options| BoxOptions { panes: !config.panes, ..options })
 }
 
 fn next_revision() -> u64 {

@@ -155,7 +155,7 @@ impl Stepper {
         config.validate()?;
         let layers = request.layers();
         config.method.check_layers(config, &layers)?;
-        renderer.serve(&config.indirect)?;
+        renderer.serve(config)?;
         let window = Window::of(config);
         let device = renderer.device();
         let images = match &config.method.progressive {
@@ -278,7 +278,7 @@ impl Stepper {
     /// Begins anew where an edit has made worthless what was drawn.
     fn renew(&mut self, renderer: &mut Renderer) -> Result<(), Error> {
         let config = &self.drawing.config;
-        renderer.serve(&config.indirect)?;
+        renderer.serve(config)?;
         // Structures may be deeper since.
         let kernels = renderer.kernels(config.whitted.mirror_roughness);
         self.drawing.kernels = modelling(kernels, config, &self.modelled);

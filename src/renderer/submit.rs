@@ -9,7 +9,6 @@ use crate::graph::{Executor, Graph, Run, RunOptions};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Light, View};
 use crate::shaders::{self, COUNTER_LANES, RAY_COUNTERS};
-use crate::techniques::indirect::IndirectConfig;
 use crate::vk::{self, MemoryKind, SceneSet};
 use glam::Vec2;
 use std::collections::HashMap;
@@ -60,7 +59,7 @@ impl Renderer {
     }
 
     /// Builds the structures that a frame traces rays in, unless they are there.
-    pub(super) fn serve(&mut self, config: &IndirectConfig) -> Result<(), Error> {
+    pub(super) fn serve(&mut self, config: &RenderConfig) -> Result<(), Error> {
         if self.prepared.serves(config) {
             return Ok(());
         }
@@ -73,7 +72,7 @@ impl Renderer {
     /// A graph declared wrongly, or the device's failure.
     pub fn run(&mut self, graph: Graph, config: &RenderConfig, camera: &Camera) -> Result<Run, Error> {
         config.validate()?;
-        self.serve(&config.indirect)?;
+        self.serve(config)?;
         let scene = self.set(config, camera, pixel_offset(0, 1), None)?;
         Ok(self.executor.run(graph, &RunOptions { scene: Some(&scene), ..RunOptions::default() })?)
     }

@@ -29,6 +29,8 @@ pub enum Feature {
     VertexColors,
     /// Shading normals.
     SmoothNormals,
+    /// Facets that stand for curved surfaces.
+    Curved,
     /// Meshes with more than one instance.
     Instanced,
     /// Mirrors: rays that follow them.
@@ -75,6 +77,7 @@ impl Feature {
         Self::Uv1,
         Self::VertexColors,
         Self::SmoothNormals,
+        Self::Curved,
         Self::Instanced,
         Self::Mirrors,
         Self::Glass,
@@ -108,6 +111,7 @@ impl Feature {
             Self::Uv1 => "second texture coordinates",
             Self::VertexColors => "vertex colours",
             Self::SmoothNormals => "shading normals",
+            Self::Curved => "curved surfaces",
             Self::Instanced => "instances",
             Self::Mirrors => "mirrors",
             Self::Glass => "glass",
@@ -144,10 +148,14 @@ impl SceneProfile {
             Feature::Uv1 => &mut self.uv1,
             Feature::VertexColors => &mut self.vertex_colors,
             Feature::SmoothNormals => &mut self.smooth_normals,
+            Feature::Curved => &mut self.curved,
             Feature::Instanced => &mut self.instanced,
             Feature::Mirrors => &mut self.mirrors,
             Feature::Glass => &mut self.glass,
-            Feature::Panes => &mut self.panes,
+            Feature::Panes => {
+                self.beyond_panes = true;
+                &mut self.panes
+            }
             Feature::Volumes => &mut self.volumes,
             Feature::AlphaMask => &mut self.alpha_mask,
             Feature::AlphaBlend => &mut self.alpha_blend,

@@ -24,6 +24,23 @@ pub struct Mesh {
     pub tangents: Vec<[Vec4; 3]>,
 }
 
+impl Mesh {
+    /// Whether shading normals leave their triangle's own, on either side, by more than rounding does.
+    #[must_use]
+    pub(super) fn is_curved(&self) -> bool {
+        let bent = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|v| self.positions[v as usize]);
+            let own = (b - a).cross(c - a).normalize_or_zero();
+            let off = |&v: &u32| {
+                let normal = self.normals[v as usize];
+                normal != Vec3::ZERO && normal.cross(own).length_squared() > 1e-7
+            };
+            own != Vec3::ZERO && triangle.iter().any(off)
+        };
+        !self.normals.is_empty() && self.triangles.iter().any(bent)
+    }
+}
+
 /// A mesh placed in the world.
 #[derive(Clone, Debug)]
 pub struct Instance {

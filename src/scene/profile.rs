@@ -1,6 +1,6 @@
 use super::material::TextureUse;
 use super::{AlphaMode, Image, Light, LightKind, Material, Scene};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// What a scene needs from a renderer; whatever it does not need is left out of the pipeline. Only materials of
 /// at least one triangle count.
@@ -38,6 +38,8 @@ pub struct SceneProfile {
     pub vertex_colors: bool,
     /// Shading normals other than the triangles' own.
     pub smooth_normals: bool,
+    /// Triangles whose shading normals bend away from their own.
+    pub curved: bool,
     /// A mesh with more than one instance.
     pub instanced: bool,
     /// Opaque materials with a specular lobe as smooth as a mirror.
@@ -48,6 +50,11 @@ pub struct SceneProfile {
     pub rough_glass: bool,
     /// Those that are thin walls smooth enough to let light straight through.
     pub panes: bool,
+    /// Whether any of those has something on both of its sides, which shadow rays then join.
+    pub beyond_panes: bool,
+    /// Planes of panes that have everything on one side: bits of unit normals and distances (m), away from everything.
+    #[serde(skip)]
+    pub borders: Vec<[u32; 4]>,
     /// Transmitting materials that are solid bodies.
     pub volumes: bool,
     /// Materials with holes.
@@ -78,6 +85,40 @@ pub struct SceneProfile {
 /// `glsl/lib/bsdf.glsl`.
 pub(crate) const DELTA_ROUGHNESS: f32 = 0.009_999;
 
+/// Panes beyond this many planes are taken to have something on both sides.
+const MAX_BORDERS: usize = 64;
+
+/// The planes of all panes, where everything lies on one side of each: their normals point away from it. `None` where
+/// anything lies on both.
+fn borders(scene: &Scene) -> Option<Vec<[u32; 4]>> {
+    let (low, high) = scene.bounds()?;
+    let tolerance = 1e-5 * f64::from((high - low).length());
+    let mut planes: Vec<(DVec3, f64)> = Vec::new();
+    let materials = scene.instances.iter().flat_map(|i| &scene.meshes[i.mesh as usize].materials);
+    for (triangle, &material) in scene.world_triangles().zip(materials) {
+        let material = &scene.materials[material as usize];
+        if !material.may_transmit() || !material.may_be_sheer() {
+            continue;
+        }
+        let [a, b, c] = triangle.map(Vec3::as_dvec3);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let known = |&(n, d): &(DVec3, f64)| [a, b, c].iter().all(|p| (n.dot(*p) - d).abs() <= tolerance);
+        if planes.iter().any(known) {
+            continue;
+        }
+        let heights = || scene.world_triangles().flatten().map(|p| normal.dot(p.as_dvec3() - a));
+        let (below, above) = (heights().all(|h| h <= tolerance), heights().all(|h| h >= -tolerance));
+        if below == above || planes.len() == MAX_BORDERS {
+            return None;
+        }
+        let normal = if below { normal } else { -normal };
+        planes.push((normal, normal.dot(a)));
+    }
+    // Lights on the plane itself are on neither side.
+    let bits = |(n, d): (DVec3, f64)| n.extend(d - tolerance).as_vec4().to_array().map(f32::to_bits);
+    Some(planes.into_iter().map(bits).collect())
+}
+
 impl SceneProfile {
     /// Reads the profile off a valid scene; specular lobes of at most `mirror_roughness` (0…1) are mirrors. A texture
     /// of roughness may hold any value up to its factor, a texture of metalness likewise.
@@ -99,6 +140,7 @@ impl SceneProfile {
             profile.instanced |= uses > 1;
             profile.vertex_colors |= !mesh.colors.is_empty();
             profile.smooth_normals |= mesh.normals.iter().any(|&normal| normal != Vec3::ZERO);
+            profile.curved = profile.curved || mesh.is_curved();
             for &material in &mesh.materials {
                 used[material as usize] = true;
             }
@@ -108,12 +150,20 @@ impl SceneProfile {
         {
             profile.add(material, &scene.images, mirror_roughness);
         }
+        if profile.panes {
+            let borders = borders(scene);
+            profile.beyond_panes = borders.is_none() || profile.environment;
+            profile.borders = borders.unwrap_or_default();
+        }
         profile.set_lights(&scene.lights);
         profile
     }
 
     /// Renews what the lights decide.
     pub fn set_lights(&mut self, lights: &[Light]) {
+        if !self.borders.is_empty() {
+            self.beyond_panes = self.environment;
+        }
         (self.point_lights, self.spot_lights, self.directional_lights) = (0, 0, 0);
         for light in lights {
             *match light.kind {
@@ -121,6 +171,10 @@ impl SceneProfile {
                 LightKind::Spot { .. } => &mut self.spot_lights,
                 LightKind::Directional => &mut self.directional_lights,
             } += 1;
+            let beyond = |[x, y, z, d]: [f32; 4]| light.position.dot(Vec3::new(x, y, z)) >= d;
+            self.beyond_panes |= !self.borders.is_empty()
+                && (light.kind == LightKind::Directional
+                    || self.borders.iter().any(|plane| beyond(plane.map(f32::from_bits))));
         }
     }
 
@@ -216,6 +270,10 @@ impl SceneProfile {
             (!self.vertex_colors, "no vertex colours: they are not read"),
             (!textured_or_colored, "one base colour a material: albedo comes from the material alone"),
             (!self.smooth_normals, "no shading normals: triangles' own normals"),
+            (
+                self.smooth_normals && !self.curved,
+                "shading normals are the triangles' own: no facets to smooth",
+            ),
             (!self.alpha_blend, "no blended materials: every surface covers all behind it"),
             (!self.alpha_mask, "no alpha masks: every triangle is opaque to rays"),
             (!self.instanced, "every mesh is there once: no two-level traversal"),

@@ -50,10 +50,11 @@ impl Kernels {
             uv1: profile.uv1,
             vertex_colors: profile.vertex_colors,
             smooth_normals: profile.smooth_normals,
+            curved: profile.curved,
             mirrors: profile.mirrors,
             glass: profile.glass,
             panes: profile.panes,
-            sheer: profile.panes || profile.alpha_blend,
+            sheer: profile.alpha_blend || profile.panes && profile.beyond_panes,
             volumes: profile.volumes,
             spot_lights: profile.spot_lights > 0,
             directional_lights: profile.directional_lights > 0,
@@ -72,6 +73,21 @@ impl Kernels {
             glossy: false,
             ..SceneSpec::default()
         }
+    }
+
+    /// Panes are glass as any other: `panes` is off.
+    #[must_use]
+    pub(crate) fn without_panes(mut self) -> Self {
+        self.scene.panes = false;
+        self.scene.sheer = self.profile.alpha_blend;
+        self
+    }
+
+    /// Facets are what they are: `shadow_terminator` is off.
+    #[must_use]
+    pub(crate) fn without_curves(mut self) -> Self {
+        self.scene.curved = false;
+        self
     }
 
     /// The constants themselves.

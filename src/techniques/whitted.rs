@@ -135,7 +135,7 @@ pub fn tree(
             let emitted = g.image("emitted", desc);
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
-            let known = if k.glossy() || k.area_lights() { capacity } else { 1 };
+            let known = if k.glossy() || k.area_lights() || k.scene.curved { capacity } else { 1 };
             let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
             let args = point_args(g);

@@ -248,12 +248,15 @@ pub enum Filter {
 }
 
 impl IndirectConfig {
-    /// The second structure that the visibility needs, if it needs one.
+    /// The second structure that the visibility needs, if it needs one; without panes, which light passes.
     #[must_use]
     pub fn boxes(&self) -> Option<BoxOptions> {
         let planes = self.visibility == Visibility::BoxesPlane;
-        (planes || self.visibility == Visibility::Boxes)
-            .then_some(BoxOptions { split: self.box_split, planes })
+        (planes || self.visibility == Visibility::Boxes).then_some(BoxOptions {
+            split: self.box_split,
+            planes,
+            panes: false,
+        })
     }
 
     /// The distance in force for a scene of `area` m².
