@@ -74,8 +74,8 @@ vec3 lost_light(Receiver x, uint i, uint seed, uint vertices, float min_distance
         uint set = seed + SETS_A_VERTEX * v;
         // Density cosθ/π: π times the next vertex' radiance ρ/π · E is ρ · E.
         vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(set + SET_DIRECTION)));
-        if (dot(x.side_normal, direction) <= 0.0) break;
-        vec3 origin = target(facing(x, direction));
+        if (dot(x.geometric_normal, direction) <= 0.0) break;
+        vec3 origin = target(x);
         Surface surface;
         if (!next_surface(origin, direction, 1.2 * min_distance, hash(set, i), surface, throughput, rays)) break;
         bool front = face(surface, -direction);

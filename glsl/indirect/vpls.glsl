@@ -24,7 +24,7 @@ vec3 unshadowed(Vpl vpl, Receiver x, float min_distance) {
     vec3 to_vpl = vpl.position - x.position;
     float cos_x = dot(x.normal, to_vpl);
     float cos_k = -dot(vpl.normal, to_vpl);
-    if (cos_x <= 0.0 || cos_k <= 0.0 || dot(x.side_normal, to_vpl) <= 0.0) return vec3(0.0);
+    if (cos_x <= 0.0 || cos_k <= 0.0 || dot(x.geometric_normal, to_vpl) <= 0.0) return vec3(0.0);
     float distance2 = dot(to_vpl, to_vpl);
     float g = (cos_x / distance2) * (cos_k / distance2);
     if (min_distance > 0.0) {
@@ -58,17 +58,16 @@ struct Connection {
     vec3 to;
 };
 
-// From VPL k to the receiver: rays that start together stay together, 8 % faster than the other way on a large GPU.
+// From VPL k to the receiver, which is lit as the facet it is: the curve it stands for would cost loops over VPLs 4 % on a
+// large GPU. Rays that start together stay together, 8 % faster than the other way on a large GPU.
 Connection connect_vpl(uint k, Receiver x, float min_distance) {
     Vpl vpl = vpls.data[k];
-    x = facing(x, vpl.position - x.position);
     return Connection(unshadowed(vpl, x, min_distance), offset_origin(vpl.position, vpl.normal), target(x));
 }
 
 // Across the direction it comes from.
 Connection connect_vpl(uint k, Receiver x, float min_distance, out vec3 direction) {
     Vpl vpl = vpls.data[k];
-    x = facing(x, vpl.position - x.position);
     vec3 light = perpendicular(vpl, x.position, min_distance, direction);
     return Connection(light, offset_origin(vpl.position, vpl.normal), target(x));
 }

@@ -13,10 +13,10 @@ layout(push_constant, scalar) uniform Params { uint paths; uint bounces; uint po
 
 bool lights(Vpl vpl, Receiver x) {
     vec3 to_vpl = vpl.position - x.position;
-    if (dot(x.normal, to_vpl) <= 0.0 || dot(x.side_normal, to_vpl) <= 0.0) return false;
+    if (dot(x.normal, to_vpl) <= 0.0 || dot(x.geometric_normal, to_vpl) <= 0.0) return false;
     if (dot(vpl.normal, to_vpl) >= 0.0) return false;
     uint rays = 0u;
-    vec3 from = offset_origin(vpl.position, vpl.normal), to = target(facing(x, to_vpl));
+    vec3 from = offset_origin(vpl.position, vpl.normal), to = target(x);
     return arriving(vec3(1.0), from, to, rays) != vec3(0.0);
 }
 

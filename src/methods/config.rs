@@ -100,6 +100,7 @@ pub const PRESETS: &[Preset] = &[
         name: "fast",
         about: "exact visibility, 4x4 and 3x3 with the edge-aware filter",
         settings: &[
+            "panes=true",
             "indirect.downsample=4",
             "indirect.upsample=plane",
             "indirect.interleave=3",

@@ -18,7 +18,7 @@ pub static METHOD: Method = Method {
         gathers indirect light from all of them, one shadow ray each. Imperfect visibility, downsampling and interleaved \
         sampling are switches. Known bias: light of more than `vpl_shoot.bounces` diffuse bounces and light nearer than \
         `indirect.min_distance` is missing (`indirect.compensation` gives most of it back), light paths end at rough \
-        metals, VPLs shine as Lambertians, and light that only `shadow_terminator` lets in leaves none. Known noise: VPLs are \
+        metals, VPLs shine as Lambertians, and know facets as they are, whatever `shadow_terminator` says. Known noise: VPLs are \
         shared by all pixels, so error shows as splotches, not grain; but grain by the rays to lights that have a size. \
         Marques & Santos 2010; Wald et al. 2002; Keller 1997.",
     aovs: &[

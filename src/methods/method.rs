@@ -229,7 +229,7 @@ pub struct RenderConfig {
     /// meshes show black facets where the light sinks below them (the shadow terminator). Energy: light that a facet got
     /// before is the same, that from below it is added, at most what a smooth surface gets; a white one under white light
     /// stays white. Bias: rays from below pass over what stands on the facet, up to twice the height of the curve; light
-    /// paths meet facets as they are, so this light leaves no VPLs. Surfaces that transmit are facets. Presets turn it off.
+    /// paths meet facets as they are and VPLs light them so. Surfaces that transmit are facets. Presets turn it off.
     pub shadow_terminator: bool,
     /// Whether light goes straight through panes: thin walls that transmit and are smooth. Otherwise they block shadow rays,
     /// rooms behind glass are dark, and to pass one is a bounce. No bias by itself, but for roughness up to
