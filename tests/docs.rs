@@ -405,18 +405,7 @@ fn a_page_of_real_measurements() {
     };
     let room = ["chart", "builtin:two-albedo", "--size", "16x12", "--seeds", "1", "-o", "room", "-q"];
     run(&[&room[..], &["--grid", "grid.toml", "--reference-spp", "64"]].concat());
-    run(&[
-        "stress",
-        "--only",
-        "caustic-point",
-        "--backend",
-        "software",
-        "--size",
-        "16x12",
-        "-o",
-        "stress",
-        "-q",
-    ]);
+    run(&["stress", "--only", "caustic", "--backend", "software", "--size", "16x12", "-o", "stress", "-q"]);
     run(&["methods", "--chart", "room", "--stress", "stress"]);
     let page = folder.text("methods.md");
     let data: Value = serde_json::from_str(&folder.text("room/data.json")).unwrap();
@@ -424,7 +413,7 @@ fn a_page_of_real_measurements() {
         let ms = data["points"][index]["ms"]["median"].as_f64().unwrap();
         let said = cells(section(&page, heading), "**ms a frame**")[1].trim_matches('*');
         assert!((said.parse::<f64>().unwrap() / ms - 1.0).abs() < 0.006, "{said} {ms}");
-        assert!(section(&page, heading).contains("caustic-point"));
+        assert!(section(&page, heading).contains("caustic"));
     }
     assert_eq!(folder.contents("methods").len(), 2 * 2 + 1);
 }

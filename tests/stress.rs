@@ -98,7 +98,7 @@ fn the_command_writes_page_and_numbers() {
     let Some((_guard, _device)) = common::device() else { return };
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("page");
-    let words = ["--only", "caustic-point", "--backend", "software", "--size", "16x12", "-o"];
+    let words = ["--only", "caustic", "--backend", "software", "--size", "16x12", "-o"];
     let (code, text, errors) = parhelion(&[&words[..], &[out.to_str().unwrap()]].concat());
     assert_eq!(code, 0, "known failures are none: {errors}");
     assert!(text.contains("fails as known") && text.contains("2 fail as known, 0 fail"), "{text}");
@@ -106,7 +106,7 @@ fn the_command_writes_page_and_numbers() {
     let read: Stress = serde_json::from_str(&numbers).unwrap();
     assert_eq!((read.rows.len(), read.images.len(), read.backend.as_str()), (2, 0, "software"));
     let page = std::fs::read_to_string(out.join("index.html")).unwrap();
-    assert!(page.contains("data:image/png;base64,") && page.contains("caustic-point"));
+    assert!(page.contains("data:image/png;base64,") && page.contains("caustic"));
 
     let (code, text, _) = parhelion(&[&words[..], &[out.to_str().unwrap(), "-q"]].concat());
     assert_eq!((code, text.as_str()), (0, ""));

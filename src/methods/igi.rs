@@ -207,8 +207,9 @@ const TRIALS: &[Trial] = &[
     holds("clamp", &["indirect.compensation=4"]),
     fails("glossy", &[], "180 virtual lights are too few for a lobe"),
     fails("glossy", &["indirect.glossy=false"], "the lobe's light is missing"),
-    fails("caustic-point", &[], "shadow rays stop at glass, and virtual lights light others only"),
-    fails("caustic-lamp", &[], "shadow rays stop at glass, and virtual lights light others only"),
+    holds("pane", &[]),
+    fails("pane", &["panes=false"], "shadow rays stop at panes"),
+    fails("caustic", &[], "shadow rays stop at bodies of glass, and virtual lights light others only"),
     holds("no-light", &[]),
     holds("no-light", &["indirect.downsample=4", "indirect.interleave=3"]),
     holds("no-light", &["indirect.downsample=4", "indirect.interleave=3", "indirect.filter=combined"]),
@@ -280,6 +281,14 @@ fn left_out(profile: &SceneProfile, config: &RenderConfig) -> Vec<String> {
     }
     if profile.rough_glass {
         lines.push(format!("glass rougher than {rough} transmits as if it were smooth"));
+    }
+    if profile.volumes {
+        let more = if profile.emission || profile.environment {
+            "--method path adds that of lamps that have a size and of the environment"
+        } else {
+            "so it is by --method path, whose rays hit no light here"
+        };
+        lines.push(format!("bodies of glass block shadow rays: light through them is missing; {more}"));
     }
     lines
 }

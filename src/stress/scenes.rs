@@ -1,7 +1,7 @@
 //! Scenes of the cases, in code.
 
 use crate::scene::builtin::{self, block, box_faces, glass, grid, look, scene};
-use crate::scene::{Camera, Light, LightKind, Material, Mesh, Scene, View};
+use crate::scene::{Camera, Light, LightKind, Material, Mesh, Scene, View, Volume};
 use glam::{Affine3A, Vec3, vec3};
 use std::f32::consts::{FRAC_PI_3, FRAC_PI_4};
 
@@ -242,10 +242,14 @@ pub(super) fn pane() -> Scene {
     scene(mesh, vec![wall(PANE_ALBEDO), glass("pane", PANE_INDEX, None)], PANE_LIGHT, camera)
 }
 
-/// The floor, lit through the pane by a square of 1 m².
-pub(super) fn pane_and_lamp() -> Scene {
+/// The floor, lit through a body of glass by a square of 1 m².
+pub(super) fn glass_and_lamp() -> Scene {
     let mut scene = pane();
     scene.lights.clear();
+    let clear = Volume { attenuation_distance: f32::INFINITY, attenuation_color: Vec3::ONE };
+    scene.materials[1] = glass("body", PANE_INDEX, Some(clear));
+    // The pane faces up and becomes the upper face.
+    grid(&mut scene.meshes[0], vec3(-9.0, 0.95, -9.0), Vec3::X * 18.0, Vec3::Z * 18.0, 1, 1);
     scene.materials.push(Material { emission: Vec3::ONE, ..Material::diffuse("lamp", Vec3::ZERO) });
     grid(&mut scene.meshes[0], PANE_LIGHT - vec3(0.5, 0.0, 0.5), Vec3::X, Vec3::Z, 1, 2);
     scene

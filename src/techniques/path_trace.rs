@@ -6,8 +6,8 @@
 //! (Burley 2020). Materials and lights are those of `glsl/lib/bsdf.glsl` and `lights.glsl`.
 //!
 //! Bias: none beyond `max_depth`. Noise falls with one over the root of the number of samples. Not found at all: light of
-//! point, spot and directional lights by way of mirrors and glass (no ray hits them, and shadow rays stop at glass), in
-//! either estimator. Textures are read at level 0, nearest or bilinear: there are no mip levels, samples average what a
+//! point, spot and directional lights by way of mirrors and glass but panes (no ray hits them, and shadow rays stop there),
+//! in either estimator. Through a pane, as past partial coverage, is no vertex and no edge. Textures are read at level 0, nearest or bilinear: there are no mip levels, samples average what a
 //! pixel covers.
 //!
 //! Cost: two rays an edge. One kernel, a thread a pixel, sample after sample. Two other ways were measured against it, in
@@ -47,7 +47,7 @@ pub enum Transport {
     /// All of it.
     #[default]
     Full,
-    /// Emission seen by the camera, and light scattered once, by no mirror or smooth glass.
+    /// Emission seen by the camera, and light scattered once, by no mirror or body of smooth glass.
     Direct,
     /// Light scattered twice or more, at every vertex by the Lambertian part alone: the `indirect` layer of `igi`.
     DiffuseIndirect,

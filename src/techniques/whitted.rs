@@ -11,8 +11,12 @@
 //! is a thin wall with R' = 2R / (1 + R), straight through, and one with volume refracts and absorbs. Smooth clear coats
 //! are mirrors too.
 //!
-//! Bias: specular paths deeper than `specular_depth` are left out; transmissive surfaces block shadow rays, so there are
-//! no caustics from point lights but through VPLs.
+//! Surfaces of partial coverage and panes (smooth thin walls) let their share straight through, for camera rays and shadow
+//! rays alike, as no bounce.
+//!
+//! Bias: specular paths deeper than `specular_depth` are left out, and so are reflections between panes that bring less
+//! than 1e-5 of their light; other transmissive surfaces block shadow rays, so there are no caustics from point lights but
+//! through VPLs.
 //! Where a surface has a glossy lobe, as many rays again follow all that it scatters by but mirrors and find emissive
 //! triangles and the environment; the power heuristic weighs both (Veach 1997). Beside them of the environment only what
 //! exceeds its mean is chosen (MIS compensation; Karlík et al. 2019).

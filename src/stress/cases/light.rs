@@ -16,7 +16,7 @@ const BRIGHT: Subject = Subject { name: "cube", make: || scenes::cube(0.8) };
 const BRIGHTER: Subject = Subject { name: "cube", make: || scenes::cube(0.9) };
 const METAL: Subject = Subject { name: "metal floor", make: scenes::metal_floor };
 const PANE: Subject = Subject { name: "pane", make: scenes::pane };
-const LAMP: Subject = Subject { name: "lamp", make: scenes::pane_and_lamp };
+const LAMP: Subject = Subject { name: "lamp", make: scenes::glass_and_lamp };
 const MANY: Subject = Subject { name: "many lights", make: scenes::many_lights };
 const DARK: Subject = Subject { name: "dark", make: scenes::dark };
 
@@ -48,18 +48,18 @@ pub(super) const CASES: &[Case] = &[
         measure: |lab, config| against_reference(lab, config, &METAL, Part::All, metrics::rel_mse),
     },
     Case {
-        name: "caustic-point",
-        mechanism: "Light of a point through glass is found by no ray that asks a light, nor by one that would have \
-                    to hit a point.",
+        name: "pane",
+        mechanism: "Light of a point through a pane is found by rays that ask the light only where panes let them pass.",
         number: "share of light lost on a floor under a pane, against Fresnel's equations",
         limit: 0.05,
         settings: &[],
-        measure: caustic,
+        measure: pane,
     },
     Case {
-        name: "caustic-lamp",
-        mechanism: "The same floor under a lamp with a size, which paths find by chance.",
-        number: "share of light lost",
+        name: "caustic",
+        mechanism: "Light through a body of glass, which bends it, is found by no ray that asks a lamp; paths find lamps \
+                    that have a size by chance.",
+        number: "share of light lost on a floor under the body",
         limit: 0.05,
         settings: &[],
         measure: |lab, config| {
@@ -139,7 +139,7 @@ fn halton(lab: &mut Lab<'_>, config: &RenderConfig) -> Result<Measured, Error> {
 
 /// Light of a point through a thin pane above a floor: I cosθ/d² · (1 − R)/(1 + R) of the floor's albedo, R the share
 /// that one face reflects.
-fn caustic(lab: &mut Lab<'_>, config: &RenderConfig) -> Result<Measured, Error> {
+fn pane(lab: &mut Lab<'_>, config: &RenderConfig) -> Result<Measured, Error> {
     let picture = lab.picture(&PANE, &Shot::default(), config, Part::All)?;
     let positions = lab.layer(&PANE, config, Aov::P)?;
     let light = |at: &[f32]| {
