@@ -744,7 +744,7 @@ fn a_picture_that_rests_on_few_light_paths_says_so() {
         println!("seed {seed}: {seen} of 60 paths, indirect light {light}");
         assert!(text.contains(&format!("of 60 paths ({:.1} % seen)", 100.0 * share)), "{text}");
         match seen {
-            0.0 => assert!(notes.contains("none of 60 light paths reaches what is seen"), "{notes}"),
+            0.0 => assert!(notes.contains("none of 60 light paths lights anything that is seen"), "{notes}"),
             1.0..9.0 => assert!(notes.contains(&format!("rests on {seen} of 60 light paths")), "{notes}"),
             _ => assert!(!notes.contains("light paths"), "{notes}"),
         }

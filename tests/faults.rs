@@ -95,7 +95,7 @@ void main() {
                 reflected = found(s, front, wo, u, both);
             } else {
                 bool lit;
-                if (way == 1u) lit = sample_area_light(from, u.zxy, light);
+                if (way == 1u) lit = sample_area_light(table_of_area_lights(), from, u.zxy, light);
                 else lit = sample_light(from, u.zxy, light);
                 if (lit) reflected = asked(s, front, wo, light, both);
             }
@@ -127,15 +127,16 @@ const SURFACE: &str = "lib/surface.glsl";
 
 const EMISSION: &str = "? material.base_color : «material.emission»;";
 const SKY: &str = "return «Vec3Array(scene.environment)[uint(clamp(y, 0, size.y - 1) * size.x + x)].at»;";
-const SKY_SAMPLE: &str = "s.pdf = «choice.probability * environment_density(cell)»;";
-const SKY_DENSITY: &str = "return «environment_probability() * environment_density(cell)»;";
+const SKY_SAMPLE: &str = "s.pdf = «choice.probability * environment_density(lights, cell)»;";
+const SKY_DENSITY: &str = "return «environment_probability(lights) * environment_density(lights, cell)»;";
 const TEXEL_DENSITY: &str = "return «probability / solid_angle»;";
-const SKY_THERE: &str = "if («scene.environment_rows == 0UL») return 0.0;";
+const SKY_THERE: &str = "if («lights.rows == 0UL») return 0.0;";
 const SKY_FOUND: &str = "return «s.radiance_over_pdf != vec3(0.0)»;";
 const SKY_HEIGHT: &str = "float k = «2.0 * sine * sine + v * height»;";
 const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «distance2 / cosine»;";
-const LAMP_POWER: &str = "choice, «scene.inverse_area_power», s);";
-const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, scene.inverse_power) * distance * distance / cosine : 0.0»;";
+const LAMP_POWER: &str =
+    "return false;\n    return sample_emitter(from, u.yz, choice, «lights.inverse_power», s);";
+const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0»;";
 const LAMP_WEIGHT: &str = "radiance / pdf, «pdf», false);";
 const LAMP_POINT: &str = "float root = «sqrt(u.x)»;";
 const LAMBERTIAN: &str =
@@ -164,14 +165,14 @@ const FAULTS: &[Fault] = &[
     ),
     fault("rough lobe times 1.02", BSDF, LOBE, "1.02 * beneath * lobe.x"),
     fault("Lambertian without cosine", BSDF, LAMBERTIAN, "beneath * diffuse_factor(s, l, split, wi, front)"),
-    fault("probability of the sky forgotten", LIGHTS, SKY_SAMPLE, "environment_density(cell)"),
-    fault("the same in the weight alone", LIGHTS, SKY_DENSITY, "environment_density(cell)"),
+    fault("probability of the sky forgotten", LIGHTS, SKY_SAMPLE, "environment_density(lights, cell)"),
+    fault("the same in the weight alone", LIGHTS, SKY_DENSITY, "environment_density(lights, cell)"),
     fault("sky's density without solid angle", LIGHTS, TEXEL_DENSITY, "probability"),
     fault(
         "sky's density 0 where light arrives",
         LIGHTS,
         SKY_THERE,
-        "scene.environment_rows == 0UL || direction.x > 0.5",
+        "lights.rows == 0UL || direction.x > 0.5",
     ),
     fault(
         "a part of the sky never sampled",
@@ -187,13 +188,13 @@ const FAULTS: &[Fault] = &[
         "lamp's density in the weight without distance²",
         LIGHTS,
         LAMP_DENSITY,
-        "cosine > 0.0 ? emitter_density(index, scene.inverse_power) / cosine : 0.0",
+        "cosine > 0.0 ? emitter_density(index, lights.inverse_power) / cosine : 0.0",
     ),
     fault(
         "lamp's density in the weight 0 off its normal",
         LIGHTS,
         LAMP_DENSITY,
-        "cosine > 0.8 ? emitter_density(index, scene.inverse_power) * distance * distance / cosine : 0.0",
+        "cosine > 0.8 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0",
     ),
     fault("lamp's weight by area", LIGHTS, LAMP_WEIGHT, "pdf * cosine / distance2"),
     fault("points of a lamp not uniform", LIGHTS, LAMP_POINT, "u.x"),

@@ -85,7 +85,7 @@ vec3 trace_path(Ray ray) {
     // Of the last scattering: density of the direction, 0 where no light sample competes with it, and the lobe.
     float pdf = 0.0;
     uint lobe = LOBE_DELTA;
-    vec3 foot = vec3(0.0), above = vec3(0.0); // of a ray from over a facet: the point on it, and its normal
+    float above = 0.0; // how far a ray from over a facet runs before it sinks below its plane
     float scale = 1.0;   // of radiance, by refraction
     float covered = 0.0; // distance since the last scattering, sheer surfaces passed
     uint passes = 0u;    // of partial coverage
@@ -118,7 +118,7 @@ vec3 trace_path(Ray ray) {
         }
         bool unlit = (s.material.flags & MATERIAL_UNLIT) != 0u;
         vec3 emitted = emitted_radiance(s.material, front);
-        if (CURVED && dot(above, s.position - foot) > 0.0) emitted = vec3(0.0);
+        if (CURVED && covered < above) emitted = vec3(0.0);
         // Unlit surfaces are seen, also mirrored, but light nothing.
         if (counts && emitted != vec3(0.0) && !(unlit && lobe == LOBE_DIFFUSE)) {
             float weight = 1.0;
@@ -182,8 +182,7 @@ vec3 trace_path(Ray ray) {
         ray.origin = behind ? offset_origin(s.position, -s.geometric_normal) : leave(s, ray.direction);
         // Emitters above the facet are asked from there: a ray from over it that finds one does not count.
         bool over = lobe != LOBE_DELTA && lifted(s.lifts.x, s.geometric_normal, ray.direction);
-        foot = s.position;
-        above = over ? s.geometric_normal : vec3(0.0);
+        above = over ? s.lifts.x / max(-dot(s.geometric_normal, ray.direction), 1e-30) : 0.0;
         if (behind) absorption = absorption_behind(s.material, front, absorption);
         covered = 0.0;
         ++depth;

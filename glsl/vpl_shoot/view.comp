@@ -36,7 +36,7 @@ void main() {
         } else {
             Split split = split_light(material, clamp(-dot(ray.direction, surface.normal), 0.0, 1.0), front);
             float r = dot(split.reflected, vec3(1.0)), t = dot(split.transmitted, vec3(1.0));
-            if (r + t <= 0.0 || (diffuse_albedo(material) != vec3(0.0) && !is_glass(material))) {
+            if (r + t <= 0.0 || vpl_albedo(material, 1.0, front) != vec3(0.0)) {
                 if ((material.flags & MATERIAL_UNLIT) == 0u) point = receiver_at(surface);
                 break;
             }

@@ -317,6 +317,8 @@ mod tests {
              [[sweep]]
              vpl_shoot.vpls = 180
              indirect.glossy = false
+             shadow_terminator = false
+             panes = false
              [[sweep]]
              method = 'path'
              path_trace.spp = [1, 4]",

@@ -276,13 +276,15 @@ fn few_paths(
         return None;
     }
     let count = (share * f64::from(paths)).round();
-    let remedy = "more of them (--vpls) find what there is";
+    let remedy = "more of them (--vpls) may find what there is";
     if frame.vpl_count == Some(0) {
-        return Some(format!("none of {paths} light paths left a VPL: there is no indirect light; {remedy}"));
+        return Some(format!(
+            "none of {paths} light paths left a VPL: indirect light, if there is any, is missing; {remedy}"
+        ));
     }
     // Where most are seen they are well spread, and as few as was asked for.
     (count < FEW_PATHS && share < 0.5).then(|| match count {
-        0.0 => format!("none of {paths} light paths reaches what is seen: it has no indirect light; {remedy}"),
+        0.0 => format!("none of {paths} light paths lights anything that is seen: indirect light, if there is any, is missing; {remedy}"),
         _ => format!(
             "indirect light rests on {count} of {paths} light paths: pictures differ by over a third from seed to seed; {remedy}"
         ),

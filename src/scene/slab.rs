@@ -23,55 +23,74 @@ struct Slab {
     all: Vec<usize>,
     normal: DVec3,
     thickness: f64,
+    /// Optical depth across, by channel.
+    depth: DVec3,
 }
 
-/// Replaces slabs by panes and says how many.
+/// Replaces slabs by panes and says how many. Instances of a mesh that differ in which of its bodies are slabs, or how thick
+/// those are that absorb, get meshes of their own.
 pub(super) fn become_panes(scene: &mut Scene) {
     let may_be: Vec<bool> = scene.materials.iter().map(may_be_slab).collect();
     if !may_be.contains(&true) {
         return;
     }
     let vertices = Vertices::of(scene);
-    let mut made: HashMap<(u32, [u64; 3]), u32> = HashMap::new();
+    let mut made: HashMap<(u32, [u32; 3]), u32> = HashMap::new();
     let mut count = 0;
     for index in 0..scene.meshes.len() {
-        let places: Vec<usize> =
-            (0..scene.instances.len()).filter(|&i| scene.instances[i].mesh as usize == index).collect();
-        let mut gone = vec![false; scene.meshes[index].triangles.len()];
-        for part in parts(scene, index, &may_be) {
-            let slabs: Option<Vec<Slab>> = places
-                .iter()
-                .map(|&place| slab(scene, place, &part).filter(|s| vertices.none_in(s, scene, place)))
-                .collect();
-            let Some(slabs) = slabs else { continue };
-            let (Some(first), Some(thickest)) =
-                (slabs.first(), slabs.iter().map(|s| s.thickness).reduce(f64::max))
-            else {
-                continue;
-            };
-            let source = scene.meshes[index].materials[part[0]];
-            let Some(volume) = scene.materials[source as usize].volume else { continue };
-            let depth = volume.absorption().as_dvec3() * first.thickness;
-            let same = |s: &Slab| {
-                (thickest - s.thickness) * depth.max_element() <= 0.01 * depth.max_element() * thickest
-            };
-            if !slabs.iter().all(same) {
-                continue;
-            }
-            let material = *made.entry((source, depth.to_array().map(f64::to_bits))).or_insert_with(|| {
-                let pane = pane_of(&scene.materials[source as usize], depth.as_vec3());
-                scene.materials.push(pane);
-                scene.materials.len() as u32 - 1
-            });
-            place_pane(scene, index, places[0], first, material);
-            first.all.iter().for_each(|&triangle| gone[triangle] = true);
-            count += 1;
+        let parts = parts(scene, index, &may_be);
+        if parts.is_empty() {
+            continue;
         }
-        remove(scene, index, &gone);
+        let mut groups: Vec<(Vec<Option<Slab>>, Vec<usize>)> = Vec::new();
+        for place in (0..scene.instances.len()).filter(|&i| scene.instances[i].mesh as usize == index) {
+            let find =
+                |part: &Vec<usize>| slab(scene, place, part).filter(|s| vertices.none_in(s, scene, place));
+            let slabs: Vec<Option<Slab>> = parts.iter().map(find).collect();
+            match groups.iter_mut().find(|(others, _)| alike(others, &slabs)) {
+                Some((_, places)) => places.push(place),
+                None => groups.push((slabs, vec![place])),
+            }
+        }
+        let original = (groups.len() > 1).then(|| scene.meshes[index].clone());
+        for (nth, (slabs, places)) in groups.iter().enumerate() {
+            let mut mesh = index;
+            if let Some(original) = original.as_ref().filter(|_| nth > 0) {
+                mesh = scene.meshes.len();
+                scene.meshes.push(original.clone());
+                places.iter().for_each(|&place| scene.instances[place].mesh = mesh as u32);
+            }
+            let mut gone = vec![false; scene.meshes[mesh].triangles.len()];
+            for slab in slabs.iter().flatten() {
+                let source = scene.meshes[mesh].materials[slab.all[0]];
+                let depth = slab.depth.as_vec3();
+                let material =
+                    *made.entry((source, depth.to_array().map(f32::to_bits))).or_insert_with(|| {
+                        let pane = pane_of(&scene.materials[source as usize], depth);
+                        scene.materials.push(pane);
+                        scene.materials.len() as u32 - 1
+                    });
+                place_pane(scene, mesh, places[0], slab, material);
+                slab.all.iter().for_each(|&triangle| gone[triangle] = true);
+                count += places.len();
+            }
+            remove(scene, mesh, &gone);
+        }
     }
-    if count > 0 {
-        scene.notes.push(format!("{count} flat slabs of glass are panes: light goes straight through them"));
+    match count {
+        0 => {}
+        1 => scene.notes.push("a flat slab of glass is a pane: light goes straight through".into()),
+        _ => scene.notes.push(format!("{count} flat slabs of glass are panes: light goes straight through")),
     }
+}
+
+/// Whether the same bodies are slabs that absorb the same, within 1 %.
+fn alike(some: &[Option<Slab>], others: &[Option<Slab>]) -> bool {
+    some.iter().zip(others).all(|(a, b)| match (a, b) {
+        (Some(a), Some(b)) => (a.depth - b.depth).abs().cmple(0.01 * a.depth).all(),
+        (None, None) => true,
+        _ => false,
+    })
 }
 
 fn may_be_slab(material: &Material) -> bool {
@@ -191,13 +210,15 @@ fn slab(scene: &Scene, place: usize, part: &[usize]) -> Option<Slab> {
         heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
     let width = width(&face.iter().map(|&triangle| corners(triangle)).collect::<Vec<_>>(), normal);
     let flat = thickness > 0.0
-        && thickness <= THICKNESS * width
+        && thickness <= 1.001 * THICKNESS * width
         && high - low <= 1.5 * thickness + PARALLEL * width
         && (front - back).abs() <= 0.05 * front
         && rest <= 0.2 * front;
     // Outwards from the middle.
     let outwards = if volume < 0.0 { -normal } else { normal };
-    flat.then(|| Slab { face, all: part.to_vec(), normal: outwards, thickness })
+    let volume = scene.materials[mesh.materials[part[0]] as usize].volume?;
+    let depth = volume.absorption().as_dvec3() * thickness;
+    flat.then(|| Slab { face, all: part.to_vec(), normal: outwards, thickness, depth })
 }
 
 /// Whether every edge is met once each way.
@@ -325,5 +346,136 @@ impl Vertices {
                 })
             },
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Instance, Mesh, Volume};
+    use glam::{Affine3A, Quat, vec3};
+
+    /// A box from the origin, faces outwards; corner 6 is the far one.
+    fn block(size: Vec3) -> Mesh {
+        let at = |i: u32| size * vec3((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32);
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles: Vec<_> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let materials = vec![0; triangles.len()];
+        Mesh { positions: (0..8).map(at).collect(), triangles, materials, ..Mesh::default() }
+    }
+
+    fn glass() -> Material {
+        let volume = Volume { attenuation_distance: 0.02, attenuation_color: vec3(1.0, 0.5, 0.25) };
+        let base_color = vec3(0.5, 1.0, 1.0).extend(1.0);
+        Material {
+            base_color,
+            metallic: 0.0,
+            roughness: 0.0,
+            transmission: 1.0,
+            volume: Some(volume),
+            ..Material::default()
+        }
+    }
+
+    fn placed(mesh: Mesh, transforms: &[Affine3A]) -> Scene {
+        let instance = |&transform: &Affine3A| Instance { name: String::new(), mesh: 0, transform };
+        Scene {
+            meshes: vec![mesh],
+            instances: transforms.iter().map(instance).collect(),
+            materials: vec![glass()],
+            ..Scene::default()
+        }
+    }
+
+    /// Whether it is a pane now; nothing else changes otherwise.
+    fn is_pane(mut scene: Scene) -> bool {
+        let before = scene.meshes[0].triangles.len();
+        become_panes(&mut scene);
+        let mesh = &scene.meshes[0];
+        let pane = mesh.triangles.len() == 2;
+        assert!(
+            pane || mesh.triangles.len() == before && scene.materials.len() == 1 && scene.notes.is_empty()
+        );
+        pane
+    }
+
+    #[test]
+    fn a_flat_slab_becomes_a_pane_in_its_middle() {
+        let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.7), vec3(1.0, 2.0, 3.0));
+        for transform in [Affine3A::IDENTITY, turned, Affine3A::from_scale(vec3(-1.0, 1.0, 1.0)) * turned] {
+            let mut scene = placed(block(vec3(1.0, 2.0, 0.02)), &[transform]);
+            become_panes(&mut scene);
+            let mesh = &scene.meshes[0];
+            assert_eq!((mesh.triangles.len(), mesh.materials.len()), (2, 2));
+            for &corner in mesh.triangles.iter().flatten() {
+                let p = mesh.positions[corner as usize];
+                assert!(
+                    (p.z - 0.01).abs() < 1e-6 && (p.x - 0.5).abs() == 0.5 && (p.y - 1.0).abs() == 1.0,
+                    "{p}"
+                );
+            }
+            let material = &scene.materials[mesh.materials[0] as usize];
+            let depth = material.slab.unwrap();
+            assert!(depth.abs_diff_eq(vec3(0.0, 2.0_f32.ln(), 4.0_f32.ln()), 1e-4), "{depth}");
+            assert!(material.volume.is_none() && material.base_color == vec3(0.25, 1.0, 1.0).extend(1.0));
+            assert_eq!(scene.notes.len(), 1);
+            scene.validate().unwrap();
+        }
+    }
+
+    #[test]
+    fn other_bodies_stay_what_they_are() {
+        let one = [Affine3A::IDENTITY];
+        let slab = || block(vec3(1.0, 2.0, 0.015));
+        assert!(is_pane(placed(slab(), &one)));
+        assert!(!is_pane(placed(block(vec3(1.0, 2.0, 0.021)), &one)), "too thick");
+        let mut open = slab();
+        open.triangles.pop();
+        open.materials.pop();
+        assert!(!is_pane(placed(open, &one)), "open");
+        for (tilt, expected) in [(0.4_f32, true), (0.7, false)] {
+            let mut wedge = slab();
+            for i in [5, 7] {
+                wedge.positions[i].z += tilt.to_radians().tan();
+            }
+            assert_eq!(is_pane(placed(wedge, &one)), expected, "{tilt}° from parallel");
+        }
+        // Absorption is by thickness, and what is too thick stays a body: each instance has its own mesh then.
+        let scales = [1.0, 2.0, 1.0].map(|z| Affine3A::from_scale(vec3(1.0, 1.0, z)));
+        let mut several = placed(slab(), &scales);
+        become_panes(&mut several);
+        let triangles = |place: usize| several.meshes[several.instances[place].mesh as usize].triangles.len();
+        assert_eq!([0, 1, 2].map(triangles), [2, 12, 2]);
+        assert_eq!((several.meshes.len(), several.materials.len(), several.notes.len()), (2, 2, 1));
+        let scales = [Affine3A::IDENTITY, Affine3A::from_scale(vec3(1.0, 1.0, 0.5))];
+        let mut thin = placed(slab(), &scales);
+        become_panes(&mut thin);
+        let depths =
+            [0, 1].map(|mesh: usize| thin.materials[thin.meshes[mesh].materials[0] as usize].slab.unwrap().y);
+        assert!((depths[0] / depths[1] - 2.0).abs() < 1e-4, "{depths:?}");
+        let mut clear = placed(slab(), &scales);
+        clear.materials[0].volume =
+            Some(Volume { attenuation_distance: f32::INFINITY, attenuation_color: Vec3::ONE });
+        assert!(is_pane(clear));
+        let mut speck = block(Vec3::splat(0.002));
+        speck.materials.fill(1);
+        let mut filled = placed(slab(), &one);
+        filled.meshes.push(speck);
+        filled.materials.push(Material::default());
+        let transform = Affine3A::from_translation(vec3(0.5, 0.7, 0.006));
+        filled.instances.push(Instance { name: String::new(), mesh: 1, transform });
+        become_panes(&mut filled);
+        assert_eq!(filled.meshes[0].triangles.len(), 12, "something is inside");
+        let changes: [fn(&mut Material); 4] = [
+            |m| m.roughness = 0.2,
+            |m| m.transmission = 0.9,
+            |m| m.alpha_mode = AlphaMode::Blend,
+            |m| m.specular = 0.5,
+        ];
+        for change in changes {
+            let mut scene = placed(slab(), &one);
+            change(&mut scene.materials[0]);
+            assert!(!is_pane(scene));
+        }
     }
 }
