@@ -54,7 +54,8 @@ void main() {
     put(s.camera.eye); put(s.camera.orthographic); put(s.camera.right);
     put(s.camera.up); put(s.camera.forward);
     put(s.full_size); put(s.window_origin); put(s.pixel_offset); put(s.seed); put(s.specular_depth); put(s.mirror_roughness);
+    put(s.pane_roughness);
     put(s.energy_conserving); put(s.light_choice_count); put(s.inverse_power); put(s.environment_size);
     put(s.inverse_area_power); put(s.light_samples); put(s.lobe_samples); put(s.excess_choices);
-    put(s.excess_choice_count); put(s.inverse_excess_power);
+    put(s.excess_choice_count); put(s.inverse_excess_power); put(s.padding0);
 }
