@@ -104,7 +104,7 @@ fn the_command_writes_page_and_numbers() {
     assert!(text.contains("fails as known") && text.contains("2 fail as known, 0 fail"), "{text}");
     let numbers = std::fs::read_to_string(out.join("stress.json")).unwrap();
     let read: Stress = serde_json::from_str(&numbers).unwrap();
-    assert_eq!((read.rows.len(), read.images.len(), read.backend.as_str()), (2, 0, "software"));
+    assert_eq!((read.rows.len(), read.images.len(), read.backend.as_str()), (3, 0, "software"));
     let page = std::fs::read_to_string(out.join("index.html")).unwrap();
     assert!(page.contains("data:image/png;base64,") && page.contains("caustic"));
 
