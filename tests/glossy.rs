@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{assert_close, mean};
+use common::{assert_close, gray, mean, scene};
 
 use common::quad;
 
@@ -21,16 +21,6 @@ use parhelion::vk::{Backend, Device};
 use std::f64::consts::PI;
 
 // ---- scenes ----
-
-fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
-    let instances = (0..meshes.len() as u32).map(instance).collect();
-    Scene { name: "test".into(), meshes, instances, materials, ..Scene::default() }
-}
-
-fn gray(albedo: f32) -> Material {
-    Material::diffuse("gray", Vec3::splat(albedo))
-}
 
 /// Shines on its front only.
 fn lamp(albedo: f32, radiance: Vec3) -> Material {

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{assert_close, mean};
+use common::{assert_close, gray, mean};
 
 use common::quad;
 
@@ -15,9 +15,7 @@ use parhelion::methods::path;
 use parhelion::metrics;
 use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::sampling::halton;
-use parhelion::scene::{
-    self, Camera, Instance, Light, LightKind, LoadOptions, Material, Mesh, Scene, Volume, builtin,
-};
+use parhelion::scene::{self, Camera, Light, LightKind, LoadOptions, Material, Mesh, Scene, Volume, builtin};
 use parhelion::techniques::path_trace::{PixelFilter, Transport};
 use parhelion::techniques::{gbuffer::GBuffer, indirect, vpl_shoot, whitted};
 use parhelion::vk::{Backend, Device, Format};
@@ -27,10 +25,7 @@ use std::path::Path;
 // ---- scenes ----
 
 fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, lights: Vec<Light>) -> Scene {
-    let instances = (0..meshes.len() as u32)
-        .map(|mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY })
-        .collect();
-    Scene { name: "test".into(), meshes, instances, materials, lights, ..Scene::default() }
+    Scene { lights, ..common::scene(meshes, materials) }
 }
 
 /// The six sides of an axis-aligned box around the origin, seen from inside.
@@ -48,10 +43,6 @@ fn room(size: Vec3, material: u32) -> Vec<Mesh> {
 
 fn point_light(position: Vec3, intensity: Vec3) -> Light {
     Light { name: "point".into(), kind: LightKind::Point, position, direction: Vec3::NEG_Y, intensity }
-}
-
-fn gray(albedo: f32) -> Material {
-    Material::diffuse("gray", Vec3::splat(albedo))
 }
 
 /// Seen as it is: radiance is the base colour.

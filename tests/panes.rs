@@ -2,30 +2,18 @@
 
 mod common;
 
-use common::{assert_close, mean, quad};
+use common::{assert_close, gray, mean, quad, scene};
 use glam::{Affine3A, Vec3, Vec4};
 use parhelion::config::RenderConfig;
 use parhelion::methods::{igi, path};
 use parhelion::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions};
-use parhelion::scene::{
-    AlphaMode, Camera, Environment, Instance, Light, LightKind, Material, Mesh, Scene, View,
-};
+use parhelion::scene::{AlphaMode, Camera, Environment, Instance, Light, LightKind, Material, Scene, View};
 use parhelion::techniques::indirect::Visibility;
 use parhelion::techniques::path_trace::{Estimator, PixelFilter, Transport};
 use parhelion::vk::{Backend, Device};
 use std::f32::consts::PI;
 
 // ---- scenes ----
-
-fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
-    let instances = (0..meshes.len() as u32).map(instance).collect();
-    Scene { name: "test".into(), meshes, instances, materials, ..Scene::default() }
-}
-
-fn gray(albedo: f32) -> Material {
-    Material::diffuse("gray", Vec3::splat(albedo))
-}
 
 fn pane(color: Vec3, transmission: f32) -> Material {
     Material {

@@ -6,7 +6,7 @@
 
 mod common;
 
-use common::{assert_close, mean};
+use common::{assert_close, gray, mean, scene};
 
 use common::quad;
 
@@ -41,16 +41,6 @@ fn ball(center: Vec3, radius: f32, material: u32) -> Mesh {
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     mesh.materials = vec![material; mesh.triangles.len()];
     mesh
-}
-
-fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
-    let instances = (0..meshes.len() as u32).map(instance).collect();
-    Scene { name: "test".into(), meshes, instances, materials, ..Scene::default() }
-}
-
-fn gray(albedo: f32) -> Material {
-    Material::diffuse("gray", Vec3::splat(albedo))
 }
 
 fn lamp(radiance: f32) -> Material {

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{assert_close, mean, quad};
+use common::{assert_close, gray, mean, quad};
 use glam::{Affine3A, Quat, Vec3};
 use parhelion::config::RenderConfig;
 use parhelion::methods::path;
@@ -30,14 +30,8 @@ fn faceted(mesh: &Mesh) -> Mesh {
     Mesh { positions, normals, triangles, ..mesh.clone() }
 }
 
-fn gray(albedo: f32) -> Material {
-    Material::diffuse("gray", Vec3::splat(albedo))
-}
-
 fn scene(meshes: Vec<Mesh>, material: Material, lights: Vec<Light>) -> Scene {
-    let place = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
-    let instances = (0..meshes.len() as u32).map(place).collect();
-    Scene { name: "test".into(), meshes, instances, materials: vec![material], lights, ..Scene::default() }
+    Scene { lights, ..common::scene(meshes, vec![material]) }
 }
 
 fn sun(towards: Vec3) -> Light {

@@ -9,8 +9,9 @@
 //   exceeds 1 (1.59 at 85°, roughness 0.05). With scene.energy_conserving it is (1 − F(n·wo))(1 − F(n·wi)) (Shirley et
 //   al. 1997), at most 1 and reciprocal too.
 // - Transmission without a volume is a thin wall: R' = 2R/(1 + R) on smooth and rough ones, roughness spreads light
-//   about the direction straight through. A smooth one is a pane: what passes it has met no vertex (LOBE_PANE). With one it refracts; radiance is scaled by 1/η² at each boundary, η being
-//   the index on wi's side over that on wo's. Light paths, which carry flux, multiply it back.
+//   about the direction straight through; a smooth one is a pane, and what passes it has met no vertex (LOBE_PANE). With
+//   one it refracts; radiance is scaled by 1/η² at each boundary, η being the index on wi's side over that on wo's. Light
+//   paths, which carry flux, multiply it back.
 // - The clear coat takes its share by the angle of its normal with wo, as published: not reciprocal. Emission passes it
 //   unchanged. It lies on the outside of solids.
 // - Glossy lobes of a surface whose normal wo would see from behind bend the normal towards wo.

@@ -29,7 +29,7 @@ pub struct GpuScene {
     /// Power of the environment (W, all channels), and of what of it exceeds its mean; 0 without one.
     environment_power: f64,
     excess_power: f64,
-    /// Whether lobes may be sampled beside lights.
+    /// Whether lobes may be sampled beside an environment.
     lobes: bool,
     /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
     pub(crate) data: SceneData,
@@ -49,7 +49,7 @@ impl GpuScene {
             environment_power: 0.0,
             excess_power: 0.0,
             // Any threshold of what is a mirror may follow.
-            lobes: SceneProfile::of(scene, 0.0).rough_lobes,
+            lobes: scene.environment.is_some() && SceneProfile::of(scene, 0.0).rough_lobes,
             data: SceneData::default(),
         };
         gpu.data.instances = gpu.array(device, "scene.instances", &instances(geometry))?;

@@ -11,9 +11,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use parhelion::renderer::{Frame, Layer};
-use parhelion::scene::Mesh;
+use parhelion::scene::{Instance, Material, Mesh, Scene};
 use parhelion::vk::{Device, DeviceOptions};
 use serde_json::Value;
 
@@ -103,6 +103,18 @@ pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
         materials: vec![material; 2],
         ..Mesh::default()
     }
+}
+
+/// Each mesh where it is, in no light.
+pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
+    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
+    let instances = (0..meshes.len() as u32).map(instance).collect();
+    Scene { name: "test".into(), meshes, instances, materials, ..Scene::default() }
+}
+
+/// Diffuse, alike in all channels.
+pub(crate) fn gray(albedo: f32) -> Material {
+    Material::diffuse("gray", Vec3::splat(albedo))
 }
 
 /// A frame without a pixel.
