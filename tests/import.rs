@@ -939,7 +939,7 @@ fn scenes_are_chosen_by_name_or_index() {
     asset.push("scenes", json!({"name": "second", "nodes": [4]}));
     asset.push("scenes", json!({"name": "0", "nodes": [4]}));
     let name = |scene: Option<&str>| {
-        let options = LoadOptions { scene: scene.map(str::to_owned) };
+        let options = LoadOptions { scene: scene.map(str::to_owned), ..LoadOptions::default() };
         asset.load_as(&options).map(|scene| scene.instances[0].name.clone())
     };
     assert_eq!(name(None).unwrap(), "mesh 0");
@@ -1917,7 +1917,7 @@ fn broken_obj_files_have_one_error() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "room.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    let options = LoadOptions { scene: Some("attic".into()) };
+    let options = LoadOptions { scene: Some("attic".into()), ..LoadOptions::default() };
     expect("scene of an OBJ", scene::load(&path, &options), "room.obj", "scenes", &["attic"]);
 }
 

@@ -11,6 +11,7 @@ use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
 use crate::output;
+use crate::read;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::Camera;
 use crate::vk::{self, DeviceKind};
@@ -165,7 +166,7 @@ impl Front {
     /// The front that a chart or probe left behind for this scene, camera, size, device and backend.
     #[must_use]
     pub fn cached(renderer: &Renderer, camera: &Camera, size: [u32; 2]) -> Option<Self> {
-        serde_json::from_slice(&std::fs::read(cache_file(renderer, camera, size)?).ok()?).ok()
+        serde_json::from_slice(&read::regular(&cache_file(renderer, camera, size)?, read::RESULTS).ok()?).ok()
     }
 
     /// Leaves the front for [`Front::cached`].

@@ -1,6 +1,6 @@
 //! The scene and the camera that a command is asked for.
 
-use super::args::Common;
+use super::args::{Common, SceneFile};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
 use crate::scene::{self, Camera, Environment, LoadOptions, Scene, SceneProfile, builtin};
@@ -9,22 +9,23 @@ use std::path::Path;
 
 /// What to call the scene while it is not loaded.
 pub(super) fn name(args: &Common) -> String {
-    args.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string())
+    args.file.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string())
 }
 
 /// What names of outputs begin with where none are given.
 pub(super) fn stem(args: &Common) -> OsString {
-    let scene = args.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
+    let scene = args.file.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
     let builtin = scene.to_str().and_then(|name| name.strip_prefix("builtin:")).map(Path::new);
     let scene = builtin.unwrap_or(scene);
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
 }
 
 /// Loads the scene asked for, or the default room.
-pub(super) fn read(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
+pub(super) fn read(file: &SceneFile) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
-    let path = scene.unwrap_or(Path::new(&default));
-    Ok(scene::load(path, &LoadOptions { scene: which })?)
+    let path = file.scene.as_deref().unwrap_or(Path::new(&default));
+    let options = LoadOptions { scene: file.which.clone(), strict: file.strict, roots: file.root.clone() };
+    Ok(scene::load(path, &options)?)
 }
 
 /// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
@@ -35,7 +36,7 @@ pub(super) fn load(
     reporter: &Reporter,
 ) -> Result<(Scene, Camera), Failure> {
     reporter.stage("load", &name(args));
-    let mut scene = read(args.scene.as_deref(), args.which.clone())?;
+    let mut scene = read(&args.file)?;
     let camera = camera(args, &scene)?;
     scene.environment = environment.or(scene.environment);
     let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
