@@ -32,3 +32,39 @@ impl SceneError {
         self.class
     }
 }
+
+/// Why a part of a scene can't be had; the caller knows which.
+#[derive(Debug)]
+pub(super) enum Fault {
+    /// What is wrong with it.
+    Broken(String),
+    /// It takes more memory than there is.
+    Short(Shortage),
+}
+
+impl Fault {
+    pub(super) fn of(self, file: &Path, element: impl Into<String>) -> SceneError {
+        match self {
+            Self::Broken(problem) => SceneError::new(file, element, problem),
+            Self::Short(shortage) => SceneError::short(file, element, shortage),
+        }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Self::Broken(problem)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(problem: &str) -> Self {
+        Self::Broken(problem.to_owned())
+    }
+}
+
+impl From<Shortage> for Fault {
+    fn from(shortage: Shortage) -> Self {
+        Self::Short(shortage)
+    }
+}

@@ -1,6 +1,7 @@
 //! Files that a scene consists of, and the images in them.
 
-use super::{Image, LoadOptions, MAX_IMAGE_SIDE, SceneError};
+use super::{Fault, Image, LoadOptions, MAX_IMAGE_SIDE, SceneError};
+use crate::memory::Budget;
 use crate::read;
 use std::ffi::OsStr;
 use std::io::Cursor;
@@ -156,14 +157,42 @@ pub(super) fn shortened(name: &str) -> String {
     format!("{start}… ({} bytes)", name.len())
 }
 
+/// Formats of images that are not read: what files of them begin with, from which byte, and the extension of glTF that
+/// allows them.
+const OTHER_FORMATS: &[(usize, &[u8], &str)] = &[
+    (8, b"WEBP", "WebP: EXT_texture_webp"),
+    (1, b"KTX 20", "KTX2: KHR_texture_basisu"),
+    (0, b"DDS ", "DDS: MSFT_texture_dds"),
+    (4, b"ftypavif", "AVIF: EXT_texture_avif"),
+];
+
 /// Decodes PNG or JPEG of any depth and colour type into RGBA, of 16 bits a channel where 8 do not hold what is there.
 pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
+    decode_within(name, bytes, &mut Budget::of_process()).map_err(|fault| match fault {
+        Fault::Broken(problem) => problem,
+        Fault::Short(shortage) => shortage.to_string(),
+    })
+}
+
+/// The same within a budget.
+pub(super) fn decode_within(name: &str, bytes: &[u8], budget: &mut Budget) -> Result<Image, Fault> {
     let corrupt = |error: &dyn std::fmt::Display| format!("can't be decoded: {error}");
-    let mut reader =
-        image::ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| corrupt(&e))?;
+    let open = || image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let mut reader = open().map_err(|e| corrupt(&e))?;
     if !matches!(reader.format(), Some(image::ImageFormat::Png | image::ImageFormat::Jpeg)) {
-        return Err("is neither PNG nor JPEG".into());
+        let found = |&&(at, magic, _): &&(usize, &[u8], &str)| {
+            bytes.get(at..).is_some_and(|bytes| bytes.starts_with(magic))
+        };
+        let other = OTHER_FORMATS.iter().find(found);
+        let other = other.map_or(String::new(), |(.., other)| format!(" but {other} is not supported"));
+        return Err(format!("is neither PNG nor JPEG{other}").into());
     }
+    // What the decoder makes and what is kept, of up to 16 bits a channel each.
+    let size = open().ok().and_then(|reader| reader.into_dimensions().ok());
+    let (width, height) = size.filter(|&(w, h)| w.max(h) <= MAX_IMAGE_SIDE).unwrap_or_default();
+    let texels = u64::from(width) * u64::from(height);
+    let mut transient = *budget;
+    transient.take(16 * texels)?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_IMAGE_SIDE);
     limits.max_image_height = Some(MAX_IMAGE_SIDE);
@@ -185,6 +214,7 @@ pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
     } else {
         texels = bytemuck::cast_vec(decoded.into_rgba8().into_raw());
     }
+    budget.take(4 * texels.len() as u64)?;
     Ok(Image { name: name.to_owned(), width, height, texels })
 }
 

@@ -1,7 +1,8 @@
 //! What the importers share: their options, what they mend, and the last steps of a load.
 
-use super::{MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
-use glam::{Affine3A, Vec3};
+use super::{Fault, MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
+use crate::memory::Budget;
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -80,7 +81,7 @@ impl Mended {
 /// transforms that flatten, makes panes of flat slabs, adds a camera where there is none, and validates.
 pub(super) fn finish(mut scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
     let mut dropped: usize = scene.meshes.iter_mut().map(drop_zero_area).sum();
-    dropped += bake_flattening(&mut scene).map_err(|problem| SceneError::new(file, element, problem))?;
+    dropped += bake_flattening(&mut scene).map_err(|fault| fault.of(file, element))?;
     if dropped > 0 {
         scene.notes.push(format!("{dropped} triangles of zero area are left out"));
     }
@@ -121,14 +122,19 @@ fn drop_zero_area(mesh: &mut Mesh) -> usize {
 
 /// Gives every instance whose transform can't be inverted a mesh of its own in world space, without normals
 /// and tangents, which such a transform does not define.
-fn bake_flattening(scene: &mut Scene) -> Result<usize, String> {
+fn bake_flattening(scene: &mut Scene) -> Result<usize, Fault> {
     let mut dropped = 0;
+    let mut budget = None;
     let mut vertices: usize = scene.meshes.iter().map(|mesh| mesh.positions.len()).sum();
     for instance in &mut scene.instances {
         if validate::invertible(&instance.transform) {
             continue;
         }
-        let mut flat = scene.meshes[instance.mesh as usize].clone();
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let bytes = mesh.positions.len() * size_of::<([Vec3; 2], [Vec2; 2], Vec4)>()
+            + mesh.triangles.len() * size_of::<([u32; 4], [Vec4; 3])>();
+        budget.get_or_insert_with(Budget::of_process).take(bytes as u64)?;
+        let mut flat = mesh.clone();
         for position in &mut flat.positions {
             *position = instance.transform.transform_point3(*position);
         }
@@ -140,7 +146,9 @@ fn bake_flattening(scene: &mut Scene) -> Result<usize, String> {
         }
         vertices += flat.positions.len();
         if vertices > MAX_VERTICES {
-            return Err(format!("more than {MAX_VERTICES} vertices once flattened instances have their own"));
+            let problem =
+                format!("more than {MAX_VERTICES} vertices once flattened instances have their own");
+            return Err(problem.into());
         }
         instance.mesh = scene.meshes.len() as u32;
         instance.transform = Affine3A::IDENTITY;

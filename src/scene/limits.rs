@@ -11,6 +11,17 @@ pub const MAX_TEXELS: usize = 1 << 29;
 /// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
 /// and lights may be ten times as far.
 pub const MAX_COORDINATE: f32 = 1e9;
+/// Brightest emission of surfaces and environments (W/(sr·m²)) and intensity of lights (W/sr, W/m²): 1e14 times as much
+/// is still a number, close to a light and in sums over samples.
+pub const MAX_RADIANCE: f32 = 1e24;
+/// Largest index of refraction: all light is reflected.
+pub const MAX_IOR: f32 = 1e6;
+/// Largest texture coordinate, and scale and offset of their transform: 32-bit floats have no fractions beyond.
+pub const MAX_TEXTURE_COORDINATE: f32 = 16_777_216.0;
+/// Largest factor without a range of its own: of normal maps, and of the colour of specular reflection.
+pub const MAX_FACTOR: f32 = 1e6;
+/// Largest absorption (1/m): nothing is left behind a thousandth of a wavelength.
+pub const MAX_ABSORPTION: f32 = 1e12;
 
 /// `Err(problem)`; the caller knows which element it concerns.
 pub(super) type Checked = Result<(), String>;

@@ -27,11 +27,15 @@ pub mod obj;
 
 pub use camera::{Camera, View};
 pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
+use error::Fault;
 pub use error::SceneError;
 pub use feature::Feature;
 pub use import::LoadOptions;
 pub use light::{Light, LightKind};
-pub use limits::{MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
+pub use limits::{
+    MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
+    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES,
+};
 pub use material::{
     AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, TextureRef, TextureTransform, Volume,
     Wrap,

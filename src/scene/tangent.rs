@@ -1,6 +1,6 @@
 //! Tangents where a file has none: MikkTSpace (Mikkelsen 2008), as glTF 2.0, section 3.7.2.1, asks for.
 
-use super::{Material, Mesh, TextureTransform};
+use super::{Material, Mesh, TextureTransform, validate};
 use bevy_mikktspace::{TangentSpace, generate_tangents};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
@@ -48,8 +48,10 @@ impl bevy_mikktspace::Geometry for Part<'_> {
     }
 
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, corner: usize) {
-        let tangent = space.map_or(Vec4::ZERO, |space| space.tangent_encoded().into());
-        self.tangents[self.triangles[face]][corner] = tangent;
+        let tangent: Vec4 = space.map_or(Vec4::ZERO, |space| space.tangent_encoded().into());
+        // The generator finds no direction where texture coordinates or a normal give none.
+        self.tangents[self.triangles[face]][corner] =
+            if validate::is_tangent(tangent) { tangent } else { Vec4::ZERO };
     }
 }
 

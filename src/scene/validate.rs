@@ -1,6 +1,9 @@
 //! The ranges a scene's values must keep, for files and for scenes made in code alike.
 
-use super::limits::{Checked, MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
+use super::limits::{
+    Checked, MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
+    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES,
+};
 use super::{
     AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
 };
@@ -34,17 +37,22 @@ impl Material {
         all_within("base colour", &self.base_color.to_array(), 0.0, 1.0)?;
         within("metallic", self.metallic, 0.0, 1.0)?;
         within("roughness", self.roughness, 0.0, 1.0)?;
-        all_within("emission", &self.emission.to_array(), 0.0, f32::INFINITY)?;
-        within("index of refraction", self.ior, 1.0, f32::INFINITY)?;
+        all_within("emission", &self.emission.to_array(), 0.0, MAX_RADIANCE)?;
+        within("index of refraction", self.ior, 1.0, MAX_IOR)?;
         within("transmission", self.transmission, 0.0, 1.0)?;
         within("specular factor", self.specular, 0.0, 1.0)?;
-        all_within("specular colour", &self.specular_color.to_array(), 0.0, f32::INFINITY)?;
+        all_within("specular colour", &self.specular_color.to_array(), 0.0, MAX_FACTOR)?;
         if let Some(volume) = self.volume {
             let distance = volume.attenuation_distance;
             if distance.is_nan() || distance <= 0.0 {
                 return Err(format!("attenuation distance is {distance}, expected more than 0"));
             }
             all_within("attenuation colour", &volume.attenuation_color.to_array(), 0.0, 1.0)?;
+            let absorption = volume.absorption();
+            if absorption.max_element() > MAX_ABSORPTION {
+                let problem = format!("attenuation distance is {distance}: absorption is {absorption}/m");
+                return Err(format!("{problem}, expected at most {MAX_ABSORPTION}/m"));
+            }
         }
         if let Some(depth) = self.slab {
             all_within("optical depth of a slab", &depth.to_array(), 0.0, f32::INFINITY)?;
@@ -57,8 +65,8 @@ impl Material {
             within("clearcoat roughness", coat.roughness, 0.0, 1.0)?;
         }
         let maps = [self.normal_map, self.clearcoat.and_then(|coat| coat.normal_map)];
-        if let Some(map) = maps.into_iter().flatten().find(|map| !map.scale.is_finite()) {
-            return Err(format!("scale of a normal map is {}, expected a finite number", map.scale));
+        for map in maps.into_iter().flatten() {
+            within("scale of a normal map", map.scale, -MAX_FACTOR, MAX_FACTOR)?;
         }
         self.textures().try_for_each(|(_, texture)| texture.check())
     }
@@ -67,9 +75,8 @@ impl Material {
 impl TextureRef {
     fn check(&self) -> Checked {
         let t = self.transform;
-        if !(t.offset.is_finite() && t.rotation.is_finite() && t.scale.is_finite()) {
-            return Err("texture transform is not finite".into());
-        }
+        let numbers = [t.offset.x, t.offset.y, t.rotation, t.scale.x, t.scale.y];
+        all_within("texture transform", &numbers, -MAX_TEXTURE_COORDINATE, MAX_TEXTURE_COORDINATE)?;
         if self.uv_set > 1 {
             return Err(format!("texture coordinate set {} of a texture, expected 0 or 1", self.uv_set));
         }
@@ -79,7 +86,7 @@ impl TextureRef {
 
 impl Light {
     pub(super) fn check(&self) -> Checked {
-        all_within("intensity", &self.intensity.to_array(), 0.0, f32::INFINITY)?;
+        all_within("intensity", &self.intensity.to_array(), 0.0, MAX_RADIANCE)?;
         if !matches!(self.kind, LightKind::Directional) {
             within_reach("position", self.position, 10.0 * MAX_COORDINATE)?;
         }
@@ -156,8 +163,13 @@ impl Mesh {
             }
         }
         finite("position", &self.positions, Vec3::is_finite)?;
-        finite("uv0", &self.uv0, Vec2::is_finite)?;
-        finite("uv1", &self.uv1, Vec2::is_finite)?;
+        for uv in [&self.uv0, &self.uv1] {
+            let far = |uv: &Vec2| !(uv.abs().max_element() <= MAX_TEXTURE_COORDINATE && uv.is_finite());
+            if let Some(i) = uv.iter().position(far) {
+                let (found, most) = (uv[i], MAX_TEXTURE_COORDINATE);
+                return Err(format!("texture coordinates {i} are {found}, expected at most {most}"));
+            }
+        }
         finite("color", &self.colors, Vec4::is_finite)?;
         let unit = |n: Vec3| n == Vec3::ZERO || (n.length_squared() - 1.0).abs() < 1e-2;
         if let Some(i) = self.normals.iter().position(|&n| !unit(n)) {
@@ -175,10 +187,8 @@ impl Mesh {
         if !self.tangents.is_empty() && self.tangents.len() != self.triangles.len() {
             return Err(format!("tangents of {} of {} triangles", self.tangents.len(), self.triangles.len()));
         }
-        let tangent = |t: Vec4| {
-            t == Vec4::ZERO || t.w.abs() == 1.0 && (t.truncate().length_squared() - 1.0).abs() < 1e-2
-        };
-        if let Some(i) = self.tangents.iter().position(|corners| !corners.iter().all(|&t| tangent(t))) {
+        let off = |corners: &[Vec4; 3]| !corners.iter().all(|&tangent| is_tangent(tangent));
+        if let Some(i) = self.tangents.iter().position(off) {
             return Err(format!(
                 "tangents of triangle {i} are not unit vectors with a sign: {:?}",
                 self.tangents[i]
@@ -192,6 +202,12 @@ impl Mesh {
         }
         Ok(())
     }
+}
+
+/// Whether a tangent is a unit vector with a sign, or none.
+pub(super) fn is_tangent(tangent: Vec4) -> bool {
+    let length2 = tangent.truncate().length_squared();
+    tangent == Vec4::ZERO || tangent.w.abs() == 1.0 && (length2 - 1.0).abs() < 1e-2
 }
 
 fn within_reach(what: &str, point: Vec3, limit: f32) -> Checked {

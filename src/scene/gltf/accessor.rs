@@ -1,10 +1,13 @@
-//! Checked reading of accessors: every byte is proven to lie in its buffer before anything is allocated.
+//! Checked reading of accessors: every byte is proven to lie in its buffer, and memory to be there, before anything is
+//! allocated.
 
-use super::context::Context;
-use crate::scene::SceneError;
+use super::context::{Buffer, Context};
+use crate::memory::Budget;
+use crate::scene::{Fault, SceneError};
 use ::gltf::json::accessor::{Accessor, ComponentType, Type};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, buffer};
+use std::cell::RefCell;
 use std::ops::Range;
 use std::path::Path;
 
@@ -18,6 +21,7 @@ pub(super) struct Elements<'a> {
     pub(super) shape: Type,
     pub(super) count: usize,
     file: &'a Path,
+    budget: &'a RefCell<Budget>,
     element: String,
     /// Bytes and stride; all zeros where absent.
     base: Option<(&'a [u8], usize)>,
@@ -33,12 +37,36 @@ struct Extent {
 }
 
 impl<'a> Context<'a> {
-    /// Checks accessor `index` and finds its bytes. Elements of a buffer without data (`uri` absent) are
-    /// checked against its declared length.
+    /// Checks accessor `index` and finds its bytes.
     pub(super) fn elements(&self, index: usize) -> Result<Elements<'a>, SceneError> {
+        self.read[index].set(true);
+        let accessor = &self.root.accessors[index];
+        let sparse = accessor.sparse.iter().flat_map(|s| [s.indices.buffer_view, s.values.buffer_view]);
+        accessor.buffer_view.into_iter().chain(sparse).try_for_each(|view| self.check_view(view.value()))?;
         let element = format!("accessors[{index}]");
-        self.elements_of(&self.root.accessors[index], &element)
-            .map_err(|problem| self.error(element, problem))
+        self.elements_of(accessor, &element).map_err(|problem| self.error(element, problem))
+    }
+
+    /// Whether a buffer view lies in its buffer. Where that has no data it lies in its declared length.
+    pub(super) fn check_view(&self, index: usize) -> Result<(), SceneError> {
+        let view = &self.root.buffer_views[index];
+        let buffer = view.buffer.value();
+        let length = self.root.buffers[buffer].byte_length.0;
+        let end = view.byte_offset.map_or(0, |o| o.0).checked_add(view.byte_length.0);
+        match &self.buffers[buffer] {
+            Buffer::Lost(problem) => return Err(self.error(format!("buffers[{buffer}]"), problem)),
+            Buffer::Data(data)
+                if (data.len() as u64) < length && end.is_none_or(|end| end > data.len() as u64) =>
+            {
+                return Err(self.error(format!("buffers[{buffer}]"), too_short(data, length)));
+            }
+            _ => {}
+        }
+        if end.is_none_or(|end| end > length) {
+            let problem = format!("ends behind the {length} bytes of buffers[{buffer}]");
+            return Err(self.error(format!("bufferViews[{index}]"), problem));
+        }
+        Ok(())
     }
 
     fn elements_of(&self, accessor: &Accessor, element: &str) -> Result<Elements<'a>, String> {
@@ -102,8 +130,9 @@ impl<'a> Context<'a> {
             }
             None => (Vec::new(), &[][..]),
         };
-        let (file, normalized) = (self.file, accessor.normalized);
-        Ok(Elements { component, normalized, shape, count, file, element: element.to_owned(), base, sparse })
+        let (file, budget, normalized) = (self.file, self.budget, accessor.normalized);
+        let element = element.to_owned();
+        Ok(Elements { component, normalized, shape, count, file, budget, element, base, sparse })
     }
 
     /// Where `count` elements of `size` bytes lie in their buffer.
@@ -138,21 +167,38 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Part of a buffer; its range was checked against the buffer's declared length.
+    /// Part of a buffer, in a view that was checked.
     fn bytes(&self, view: Index<buffer::View>, range: Range<usize>) -> Result<&'a [u8], String> {
-        let buffer = self.root.buffer_views[view.value()].buffer.value();
+        let description = &self.root.buffer_views[view.value()];
+        let buffer = description.buffer.value();
         match &self.buffers[buffer] {
-            Some(data) => data.get(range).ok_or_else(|| format!("buffers[{buffer}] is too short for it")),
-            None => Err(format!("buffers[{buffer}] has no uri, so there are no data")),
+            Buffer::Data(data) => {
+                data.get(range).ok_or_else(|| format!("buffers[{buffer}] is too short for it"))
+            }
+            Buffer::Lost(problem) => Err(format!("buffers[{buffer}]: {problem}")),
+            Buffer::Nowhere => {
+                let others = description.extensions.iter().flat_map(|extensions| extensions.others.keys());
+                let compressed = others
+                    .map(|name| format!(": {name}, which is not supported, has them in bufferViews[{view}]"));
+                let compressed = compressed.take(1).collect::<String>();
+                Err(format!("buffers[{buffer}] has no uri, so there are no data{compressed}"))
+            }
         }
     }
 
     /// All bytes of a buffer view.
-    pub(super) fn view_bytes(&self, view: Index<buffer::View>) -> Result<&'a [u8], String> {
+    pub(super) fn view_bytes(&self, view: Index<buffer::View>) -> Result<&'a [u8], SceneError> {
+        self.check_view(view.value())?;
         let description = &self.root.buffer_views[view.value()];
         let start = description.byte_offset.map_or(0, |o| o.0 as usize);
         self.bytes(view, start..start + description.byte_length.0 as usize)
+            .map_err(|problem| self.error(format!("bufferViews[{view}]"), problem))
     }
+}
+
+/// What a buffer lacks of its declared `length`.
+pub(super) fn too_short(data: &[u8], length: u64) -> String {
+    format!("truncated: {} of {length} bytes", data.len())
 }
 
 impl Elements<'_> {
@@ -165,7 +211,7 @@ impl Elements<'_> {
         let value = |bytes: &[u8]| -> [f32; N] {
             std::array::from_fn(|i| float(&bytes[i * width..(i + 1) * width], self.component, normalized))
         };
-        let values = self.read(range.clone(), [0.0; N], value);
+        let values = self.read(range.clone(), [0.0; N], value)?;
         match values.iter().position(|value| !value.iter().all(|v| v.is_finite())) {
             Some(i) => {
                 let problem = format!("element {} is not finite: {:?}", range.start + i, values[i]);
@@ -176,11 +222,31 @@ impl Elements<'_> {
     }
 
     /// All elements, which must be unsigned scalars.
-    pub(super) fn unsigned(&self) -> Vec<u32> {
+    pub(super) fn unsigned(&self) -> Result<Vec<u32>, SceneError> {
         self.read(0..self.count, 0, |bytes| unsigned(bytes, self.component))
     }
 
-    fn read<T: Copy>(&self, range: Range<usize>, zero: T, value: impl Fn(&[u8]) -> T) -> Vec<T> {
+    /// Elements `range` as `N` unsigned integers each.
+    pub(super) fn integers<const N: usize>(&self, range: Range<usize>) -> Result<Vec<[u32; N]>, SceneError> {
+        let width = self.component.size();
+        let value = |bytes: &[u8]| std::array::from_fn(|i| unsigned(&bytes[i * width..], self.component));
+        self.read(range, [0; N], value)
+    }
+
+    /// Whether all elements are zero since nothing says what they are.
+    pub(super) fn is_zero(&self) -> bool {
+        self.base.is_none() && self.sparse.0.is_empty()
+    }
+
+    fn read<T: Copy>(
+        &self,
+        range: Range<usize>,
+        zero: T,
+        value: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>, SceneError> {
+        let bytes = range.len() as u64 * size_of::<T>() as u64;
+        let taken = self.budget.borrow_mut().take(bytes);
+        taken.map_err(|shortage| Fault::from(shortage).of(self.file, &self.element))?;
         let size = element_size(self.component, self.shape);
         let mut values = match self.base {
             Some((bytes, stride)) => {
@@ -193,7 +259,7 @@ impl Elements<'_> {
                 values[i as usize - range.start] = value(bytes);
             }
         }
-        values
+        Ok(values)
     }
 }
 

@@ -2,13 +2,15 @@
 
 use super::accessor::Elements;
 use super::context::Context;
+use super::skin::{self, Skin};
+use crate::memory::Shortage;
 use crate::scene::import::unit_normal;
-use crate::scene::limits::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::scene::limits::{MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES};
 use crate::scene::{Mesh, SceneError};
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::ops::Range;
 
 /// What all meshes read so far amount to and lack.
@@ -22,13 +24,36 @@ pub(super) struct Tally {
     pub(super) without_positions: usize,
     /// Vertices behind the last whole triangle.
     pub(super) incomplete: usize,
+    /// Triangles of zero area that were not made.
+    pub(super) flat: usize,
     /// Meshes with morph targets.
     pub(super) morphed: usize,
 }
 
+/// Bytes of a vertex that has every attribute.
+const VERTEX: usize = size_of::<(Vec3, Vec3, Vec2, Vec2, Vec4)>();
+
+/// How a mesh is read.
+#[derive(Default)]
+pub(super) struct Pose<'a> {
+    /// Of morph targets: the node's, or else the mesh's own.
+    pub(super) weights: Option<&'a [f32]>,
+    /// What positions are relative to: in the mesh's space, or in the world where it has a skin.
+    pub(super) origin: DVec3,
+    pub(super) skin: Option<&'a Skin>,
+}
+
+/// What moves a primitive's vertices.
+struct Motion<'a> {
+    weights: &'a [f32],
+    origin: DVec3,
+    /// One a vertex in use, to the world, where there is a skin.
+    blend: Option<&'a [DAffine3]>,
+}
+
 /// Which component types an attribute may have, by what `KHR_mesh_quantization` allows beyond glTF itself.
 fn allowed(semantic: &Semantic, e: &Elements<'_>, quantized: bool) -> bool {
-    use ComponentType::{F32, I8, I16, U8, U16};
+    use ComponentType::{F32, I8, I16, U8, U16, U32};
     let small = matches!(e.component, I8 | U8 | I16 | U16);
     match semantic {
         Semantic::Positions => e.shape == Type::Vec3 && (e.component == F32 || quantized && small),
@@ -48,7 +73,21 @@ fn allowed(semantic: &Semantic, e: &Elements<'_>, quantized: bool) -> bool {
             matches!(e.shape, Type::Vec3 | Type::Vec4)
                 && (e.component == F32 || e.normalized && matches!(e.component, U8 | U16))
         }
-        _ => true,
+        Semantic::Joints(_) => {
+            e.shape == Type::Vec4 && matches!(e.component, U8 | U16 | U32) && !e.normalized
+        }
+        Semantic::Weights(_) => {
+            e.shape == Type::Vec4 && (e.component == F32 || e.normalized && matches!(e.component, U8 | U16))
+        }
+        Semantic::Extras(_) => true,
+    }
+}
+
+/// How many triangles so many corners are.
+fn count(mode: Mode, corners: usize) -> usize {
+    match mode {
+        Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
+        _ => corners / 3,
     }
 }
 
@@ -69,64 +108,104 @@ fn triangles(mode: Mode, corners: &[u32]) -> (Vec<[u32; 3]>, usize) {
 }
 
 impl Context<'_> {
-    /// Reads mesh `index` in the pose of `weights` (the node's, or else the mesh's own), its positions relative to `origin`.
-    /// Triangles without a material get the one behind the file's last.
-    pub(super) fn mesh(
-        &self,
-        index: usize,
-        weights: Option<&[f32]>,
-        origin: DVec3,
-        tally: &mut Tally,
-    ) -> Result<Mesh, SceneError> {
+    /// Reads mesh `index`. Triangles without a material get the one behind the file's last.
+    pub(super) fn mesh(&self, index: usize, pose: &Pose<'_>, tally: &mut Tally) -> Result<Mesh, SceneError> {
         let source = &self.root.meshes[index];
         let mut mesh =
             Mesh { name: source.name.clone().unwrap_or_else(|| format!("mesh {index}")), ..Mesh::default() };
-        let weights = weights.or(source.weights.as_deref()).unwrap_or(&[]);
+        let weights = pose.weights.or(source.weights.as_deref()).unwrap_or(&[]);
         if !weights.iter().all(|w| w.is_finite()) {
             return Err(self.error(format!("meshes[{index}]"), "a morph weight is not finite"));
         }
         tally.morphed += usize::from(source.primitives.iter().any(|p| p.targets.is_some()));
         for (i, primitive) in source.primitives.iter().enumerate() {
             let element = format!("meshes[{index}].primitives[{i}]");
-            let Checked::Valid(mode) = primitive.mode else {
-                return Err(self.error(element, "unknown mode"));
-            };
-            if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-                tally.points_and_lines += 1;
-                continue;
-            }
-            if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
-                tally.without_positions += 1;
-                continue;
-            }
-            let vertices = self.vertices(primitive, &element)?;
-            self.attribute(primitive, &element, Semantic::Positions)?;
-            let corners = self.corners(primitive, &element, vertices)?;
-            let (mut triangles, incomplete) = triangles(mode, &corners);
-            tally.incomplete += incomplete;
-            if mesh.triangles.len() + triangles.len() > MAX_TRIANGLES {
-                return Err(self.error(element, format!("more than {MAX_TRIANGLES} triangles up to here")));
-            }
-            // Exporters let primitives share one large vertex buffer: take only what this one uses.
-            let used = compact(&mut triangles);
-            tally.vertices += used.len();
-            if tally.vertices > MAX_VERTICES {
-                return Err(self.error(element, format!("more than {MAX_VERTICES} vertices up to here")));
-            }
-            let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
-            let base = mesh.positions.len() as u32;
-            self.append(&mut mesh, primitive, &element, (weights, origin), &used)?;
-            if let Some(tangents) = self.tangents(primitive, &element, &used)? {
-                mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
-                mesh.tangents.extend(triangles.iter().map(|t| t.map(|v| tangents[v as usize])));
-            }
-            mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + base)));
-            mesh.materials.resize(mesh.triangles.len(), material);
+            let (budget, vertices, triangles) =
+                (*self.budget.borrow(), mesh.positions.len(), mesh.triangles.len());
+            self.primitive(&mut mesh, primitive, &element, (weights, pose), tally)?;
+            // What was read on the way is gone.
+            self.budget.replace(budget);
+            let triangle = size_of::<([u32; 3], u32)>()
+                + if mesh.tangents.is_empty() { 0 } else { size_of::<[Vec4; 3]>() };
+            let bytes =
+                (mesh.positions.len() - vertices) * VERTEX + (mesh.triangles.len() - triangles) * triangle;
+            self.take::<u8>(bytes).map_err(|shortage| self.fault(element, shortage))?;
         }
         if !mesh.tangents.is_empty() {
             mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
         }
         Ok(mesh)
+    }
+
+    fn primitive(
+        &self,
+        mesh: &mut Mesh,
+        primitive: &Primitive,
+        element: &str,
+        (weights, pose): (&[f32], &Pose<'_>),
+        tally: &mut Tally,
+    ) -> Result<(), SceneError> {
+        let short = |shortage: Shortage| self.fault(element, shortage);
+        let Checked::Valid(mode) = primitive.mode else { return Err(self.error(element, "unknown mode")) };
+        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            tally.points_and_lines += 1;
+            return Ok(());
+        }
+        if !primitive.attributes.contains_key(&Checked::Valid(Semantic::Positions)) {
+            tally.without_positions += 1;
+            return Ok(());
+        }
+        let vertices = self.vertices(primitive, element)?;
+        let positions = self.attribute(primitive, element, Semantic::Positions)?;
+        let indices = primitive.indices.map(|accessor| self.elements(accessor.value())).transpose()?;
+        let nowhere = |elements: &Option<Elements<'_>>| elements.as_ref().is_some_and(Elements::is_zero);
+        let compressed = primitive.extensions.as_ref().and_then(|extensions| extensions.others.keys().next());
+        if let Some(name) = compressed.filter(|_| nowhere(&positions) || nowhere(&indices)) {
+            let problem = format!("it is there by {name} alone, which is not supported");
+            return Err(self.error(element, problem));
+        }
+        let targets = primitive.targets.as_deref().unwrap_or(&[]);
+        let still = pose.skin.is_none() && targets.iter().all(|target| target.positions.is_none());
+        if nowhere(&indices) || still && nowhere(&positions) {
+            let corners = indices.map_or(vertices, |indices| indices.count);
+            tally.flat += count(mode, corners);
+            return Ok(());
+        }
+        let corners = self.corners(primitive, element, vertices)?;
+        let made = count(mode, corners.len());
+        if mesh.triangles.len() + made > MAX_TRIANGLES {
+            return Err(self.error(element, format!("more than {MAX_TRIANGLES} triangles up to here")));
+        }
+        self.take::<[[u32; 3]; 2]>(made).map_err(short)?;
+        let (mut triangles, incomplete) = triangles(mode, &corners);
+        tally.incomplete += incomplete;
+        // Exporters let primitives share one large vertex buffer: take only what this one uses.
+        self.take::<[u32; 2]>(vertices).map_err(short)?;
+        let used = compact(&mut triangles);
+        tally.vertices += used.len();
+        if tally.vertices > MAX_VERTICES {
+            return Err(self.error(element, format!("more than {MAX_VERTICES} vertices up to here")));
+        }
+        let blend = pose.skin.map(|skin| self.blend(primitive, element, skin, &used)).transpose()?;
+        let blend = blend.as_deref();
+        for triangle in &mut triangles {
+            // What was the front stays it.
+            if blend.is_some_and(|blend| skin::mirrors(&blend[triangle[0] as usize]) < 0.0) {
+                triangle.swap(1, 2);
+            }
+        }
+        let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
+        let base = mesh.positions.len() as u32;
+        let motion = Motion { weights, origin: pose.origin, blend };
+        self.append(mesh, primitive, element, &motion, &used)?;
+        if let Some(tangents) = self.tangents(primitive, element, blend, &used)? {
+            self.take::<[Vec4; 3]>(triangles.len()).map_err(short)?;
+            mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
+            mesh.tangents.extend(triangles.iter().map(|t| t.map(|v| tangents[v as usize])));
+        }
+        mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + base)));
+        mesh.materials.resize(mesh.triangles.len(), material);
+        Ok(())
     }
 
     /// Tangents of the `used` vertices, before any morph, where the material needs them. The standard wants them
@@ -135,6 +214,7 @@ impl Context<'_> {
         &self,
         primitive: &Primitive,
         element: &str,
+        blend: Option<&[DAffine3]>,
         used: &[u32],
     ) -> Result<Option<Vec<Vec4>>, SceneError> {
         let mapped = primitive.material.is_some_and(|material| self.is_normal_mapped(material.value()));
@@ -143,18 +223,23 @@ impl Context<'_> {
         let normals = primitive.attributes.contains_key(&Checked::Valid(Semantic::Normals));
         let Some(tangents) = found.filter(|_| mapped && normals) else { return Ok(None) };
         let values = tangents.floats::<4>(first as usize..last as usize + 1)?;
-        let tangent = |&v: &u32| {
-            let [x, y, z, w] = values[(v - first) as usize];
-            match unit_normal(Vec3::new(x, y, z)) {
+        let tangent = |(i, &v): (usize, &u32)| {
+            let [x, y, z, mut w] = values[(v - first) as usize];
+            let mut tangent = unit_normal(Vec3::new(x, y, z));
+            if let Some(blend) = blend.map(|blend| &blend[i]) {
+                tangent = skin::turned(blend, tangent.as_dvec3(), true).as_vec3();
+                w *= skin::mirrors(blend) as f32;
+            }
+            match tangent {
                 Vec3::ZERO => Vec4::ZERO,
                 unit => unit.extend(1.0_f32.copysign(w)),
             }
         };
-        Ok(Some(used.iter().map(tangent).collect()))
+        Ok(Some(used.iter().enumerate().map(tangent).collect()))
     }
 
     /// Elements of an attribute, checked for type.
-    fn attribute(
+    pub(super) fn attribute(
         &self,
         primitive: &Primitive,
         element: &str,
@@ -211,6 +296,7 @@ impl Context<'_> {
                     self.error(element, format!("{vertices} vertices, expected at most {MAX_VERTICES}"))
                 );
             }
+            self.take::<u32>(vertices).map_err(|shortage| self.fault(element, shortage))?;
             return Ok((0..vertices as u32).collect());
         };
         let elements = self.elements(accessor.value())?;
@@ -222,7 +308,7 @@ impl Context<'_> {
                 format!("accessors[{accessor}] can't be indices: they are unsigned scalars"),
             ));
         }
-        let corners = elements.unsigned();
+        let corners = elements.unsigned()?;
         match corners.iter().position(|&v| v as usize >= vertices) {
             None => Ok(corners),
             Some(i) => Err(self.error(
@@ -241,7 +327,7 @@ impl Context<'_> {
         mesh: &mut Mesh,
         primitive: &Primitive,
         element: &str,
-        (weights, origin): (&[f32], DVec3),
+        motion: &Motion<'_>,
         used: &[u32],
     ) -> Result<(), SceneError> {
         let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
@@ -249,15 +335,25 @@ impl Context<'_> {
         let base = mesh.positions.len();
         let total = base + used.len();
         let pick = |v: u32| v as usize - range.start;
+        self.take::<u8>(used.len() * VERTEX).map_err(|shortage| self.fault(element, shortage))?;
 
-        let positions =
-            self.posed(primitive, element, (weights, origin), Semantic::Positions, range.clone())?;
-        let positions = positions.unwrap_or_default();
-        mesh.positions.extend(used.iter().map(|&v| positions[pick(v)]));
-        let pose = (weights, DVec3::ZERO);
-        if let Some(normals) = self.posed(primitive, element, pose, Semantic::Normals, range.clone())? {
+        let Motion { weights, origin, blend } = *motion;
+        let posed =
+            |semantic, origin| self.posed(primitive, element, (weights, origin), semantic, range.clone());
+        let origin_of_posed = if blend.is_some() { DVec3::ZERO } else { origin };
+        let positions = posed(Semantic::Positions, origin_of_posed)?.unwrap_or_default();
+        let position = |(i, &v): (usize, &u32)| match blend {
+            Some(blend) => (blend[i].transform_point3(positions[pick(v)].as_dvec3()) - origin).as_vec3(),
+            None => positions[pick(v)],
+        };
+        mesh.positions.extend(used.iter().enumerate().map(position));
+        if let Some(normals) = posed(Semantic::Normals, DVec3::ZERO)? {
+            let normal = |(i, &v): (usize, &u32)| match blend {
+                Some(blend) => skin::turned(&blend[i], normals[pick(v)].as_dvec3(), false).as_vec3(),
+                None => unit_normal(normals[pick(v)]),
+            };
             mesh.normals.resize(base, Vec3::ZERO);
-            mesh.normals.extend(used.iter().map(|&v| unit_normal(normals[pick(v)])));
+            mesh.normals.extend(used.iter().enumerate().map(normal));
         } else if !mesh.normals.is_empty() {
             mesh.normals.resize(total, Vec3::ZERO);
         }
@@ -265,7 +361,13 @@ impl Context<'_> {
             if let Some(uv) = self.attribute(primitive, element, Semantic::TexCoords(set))? {
                 let uv = uv.floats::<2>(range.clone())?;
                 target.resize(base, Vec2::ZERO);
-                target.extend(used.iter().map(|&v| Vec2::from(uv[pick(v)])));
+                let bounded =
+                    |uv: [f32; 2]| uv.map(|c| c.clamp(-MAX_TEXTURE_COORDINATE, MAX_TEXTURE_COORDINATE));
+                target.extend(used.iter().map(|&v| Vec2::from(bounded(uv[pick(v)]))));
+                if let Some(&v) = used.iter().find(|&&v| bounded(uv[pick(v)]) != uv[pick(v)]) {
+                    let problem = format!("texture coordinates {v} are {:?}", uv[pick(v)]);
+                    self.mend(element, problem, "they are clamped: so far off there are no fractions")?;
+                }
             } else if !target.is_empty() {
                 target.resize(total, Vec2::ZERO);
             }
@@ -296,6 +398,7 @@ impl Context<'_> {
         range: Range<usize>,
     ) -> Result<Option<Vec<Vec3>>, SceneError> {
         let Some(base) = self.attribute(primitive, element, semantic.clone())? else { return Ok(None) };
+        self.take::<(Vec3, DVec3)>(range.len()).map_err(|shortage| self.fault(element, shortage))?;
         let mut values: Vec<Vec3> = base.floats::<3>(range.clone())?.into_iter().map(Vec3::from).collect();
         let relative = if origin == DVec3::ZERO { &[] } else { &values[..] };
         let mut relative: Vec<DVec3> = relative.iter().map(|value| value.as_dvec3() - origin).collect();

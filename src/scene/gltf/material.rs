@@ -2,10 +2,10 @@
 
 use super::container;
 use super::context::Context;
-use crate::scene::file::decode_image;
-use crate::scene::limits::MAX_TEXELS;
+use crate::scene::file::{self, decode_within};
+use crate::scene::limits::{MAX_IOR, MAX_TEXELS};
 use crate::scene::{
-    AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
+    AlphaMode, Clearcoat, Fault, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
     TextureTransform, Volume, Wrap,
 };
 use ::gltf::json;
@@ -18,8 +18,8 @@ use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Large, finite, and of reflectance 1: what `KHR_materials_ior` wants of its special value 0.
-const INFINITE_IOR: f32 = 1e6;
+/// How far outside of their range factors are taken for what rounding and interpolation leave.
+const HAIR: f32 = 0.1;
 
 /// `KHR_materials_clearcoat`, which the `gltf` crate does not type.
 #[derive(Default, Deserialize)]
@@ -103,8 +103,46 @@ impl Context<'_> {
     /// All factors of material `index`, without its textures.
     pub(super) fn material(&self, index: usize) -> Result<Material, SceneError> {
         let source = &self.root.materials[index];
-        let material = factors(source, index).and_then(|material| material.check().map(|()| material));
-        material.map_err(|problem| self.error(format!("materials[{index}]"), problem))
+        let located = |problem| self.error(format!("materials[{index}]"), problem);
+        let mut material = factors(source, index).map_err(located)?;
+        self.clamp(&mut material, index)?;
+        material.check().map_err(located)?;
+        Ok(material)
+    }
+
+    /// Brings factors into their range that are next to it, as other readers do; what is further off is for the check to find.
+    fn clamp(&self, material: &mut Material, index: usize) -> Result<(), SceneError> {
+        let (mut worst, mut coat) = (None::<String>, Clearcoat::default());
+        let mut clamp = |what: &'static str, value: &mut f32, high: f32| {
+            if !(0.0..=high).contains(value) && (-HAIR..=high + HAIR).contains(value) {
+                worst.get_or_insert_with(|| format!("{what} is {value}"));
+                *value = value.clamp(0.0, high);
+            }
+        };
+        let Material { base_color, emission, specular_color, clearcoat, .. } = material;
+        base_color.as_mut().iter_mut().for_each(|value| clamp("base colour", value, 1.0));
+        emission.as_mut().iter_mut().for_each(|value| clamp("emission", value, f32::INFINITY));
+        specular_color.as_mut().iter_mut().for_each(|value| clamp("specular colour", value, f32::INFINITY));
+        clamp("metallic", &mut material.metallic, 1.0);
+        clamp("roughness", &mut material.roughness, 1.0);
+        clamp("transmission", &mut material.transmission, 1.0);
+        clamp("specular factor", &mut material.specular, 1.0);
+        let coat = clearcoat.as_mut().unwrap_or(&mut coat);
+        clamp("clearcoat factor", &mut coat.factor, 1.0);
+        clamp("clearcoat roughness", &mut coat.roughness, 1.0);
+        if let Some(volume) = &mut material.volume {
+            let color = volume.attenuation_color.as_mut();
+            color.iter_mut().for_each(|value| clamp("attenuation colour", value, 1.0));
+        }
+        if let AlphaMode::Mask { cutoff } = &mut material.alpha_mode {
+            clamp("alpha cutoff", cutoff, f32::INFINITY);
+        }
+        if (1.0 - HAIR..1.0).contains(&material.ior) {
+            worst.get_or_insert_with(|| format!("index of refraction is {}", material.ior));
+            material.ior = 1.0;
+        }
+        let Some(problem) = worst else { return Ok(()) };
+        self.mend(format!("materials[{index}]"), problem, "it is clamped to its range")
     }
 
     /// Adds the textures of material `index`.
@@ -211,29 +249,58 @@ impl Context<'_> {
 
     /// The image that a texture shows; its extensions may name others, in formats not read here.
     fn origin(&self, texture: usize, all: &Textures) -> Result<usize, SceneError> {
-        let image = all.origin.get(self.root.textures[texture].source.value()).copied();
-        image.ok_or_else(|| self.error(format!("textures[{texture}]"), "its source is missing"))
+        let source = &self.root.textures[texture];
+        if let Some(&image) = all.origin.get(source.source.value()) {
+            return Ok(image);
+        }
+        let others = source.extensions.iter().flat_map(|extensions| &extensions.others);
+        let other = others.filter_map(|(name, other)| Some((name, other.get("source")?.as_u64()?)));
+        match other.into_iter().next() {
+            Some((name, image)) => {
+                let problem = format!("it is there by {name} alone, which is not supported");
+                Err(self.error(format!("images[{image}]"), problem))
+            }
+            None => Err(self.error(format!("textures[{texture}]"), "its source is missing")),
+        }
     }
 
     fn image(&self, index: usize, all: &mut Textures) -> Result<Image, SceneError> {
         let source = &self.root.images[index];
-        let file_name = source.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
+        let element = format!("images[{index}]");
+        let file_name = source.uri.as_deref().filter(|uri| container::data(uri).is_none());
         let name =
             source.name.as_deref().or(file_name).map_or_else(|| format!("image {index}"), str::to_owned);
+        let mut differs = None;
         let mut read = || {
+            let before = *self.budget.borrow();
             let bytes = match (&source.uri, source.buffer_view) {
-                (Some(uri), None) => Cow::Owned(container::fetch(self.files, uri)?),
-                (None, Some(view)) => Cow::Borrowed(self.view_bytes(view)?),
-                _ => return Err("it needs either a uri or a bufferView".to_owned()),
+                (Some(uri), None) => {
+                    let fetched = container::fetch(self.files, uri, self.budget)?;
+                    differs = fetched.differs.map(|name| (uri, name));
+                    Cow::Owned(fetched.bytes)
+                }
+                (None, Some(view)) => match self.view_bytes(view) {
+                    Ok(bytes) => Cow::Borrowed(bytes),
+                    Err(error) => return Err(format!("{}: {}", error.element, error.problem).into()),
+                },
+                _ => return Err(Fault::from("it needs either a uri or a bufferView")),
             };
-            let image = decode_image(&name, &bytes)?;
+            let image = decode_within(&name, &bytes, &mut self.budget.borrow_mut())?;
+            // The encoded bytes are gone.
+            self.budget.replace(before);
+            self.take::<[u8; 4]>(image.texels.len())?;
             all.texels += image.texels.len();
             if all.texels > MAX_TEXELS {
-                return Err(format!("more than {MAX_TEXELS} texels up to here"));
+                return Err(format!("more than {MAX_TEXELS} texels up to here").into());
             }
             Ok(image)
         };
-        read().map_err(|problem| self.error(format!("images[{index}]"), problem))
+        let image = read().map_err(|fault| self.fault(&element, fault))?;
+        if let Some((uri, name)) = differs {
+            let problem = format!("`{}` is not there, but `{name}` is", file::shortened(uri));
+            self.mend(element, problem, container::OTHER_CASE)?;
+        }
+        Ok(image)
     }
 }
 
@@ -270,7 +337,8 @@ fn factors(source: &json::Material, index: usize) -> Result<Material, String> {
         metallic: pbr.metallic_factor.0,
         roughness: pbr.roughness_factor.0,
         emission: Vec3::from(source.emissive_factor.0) * strength,
-        ior: if ior == 0.0 { INFINITE_IOR } else { ior },
+        // The extension's special value stands for an infinite index; beyond the largest all light is reflected, too.
+        ior: if ior == 0.0 { MAX_IOR } else { ior.min(MAX_IOR) },
         transmission: extensions
             .and_then(|e| e.transmission.as_ref())
             .map_or(0.0, |t| t.transmission_factor.0),

@@ -1,31 +1,41 @@
 //! glTF 2.0 import: `.gltf` with buffers and images beside it or in `data:` URIs, and `.glb`.
 //!
-//! The JSON is typed and its indices are checked by the `gltf` crate; accessors are read by a checked reader of
-//! our own. All of the file is checked but textures that the chosen scene does not show. Skins are shown undeformed, morph targets with their default weights.
+//! The JSON is cut to what is read of it, typed and its indices checked by the `gltf` crate; accessors are read by a checked
+//! reader of our own. What is harmless is mended and noted, and so is what is broken where the chosen scene does not need it.
+//! Skins are shown at rest, morph targets with their default weights.
 
 mod accessor;
 mod container;
 mod context;
 mod geometry;
 mod material;
+mod skin;
+mod tidy;
 
 use super::file::{self, Files};
 use super::import::{self, Mended};
 use super::origin::{self, Around};
-use super::{Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
+use super::{
+    Camera, Fault, Instance, Light, LightKind, LoadOptions, MAX_TRIANGLES, Material, Scene, SceneError, View,
+};
+use crate::memory::Budget;
 use ::gltf::json;
-use ::gltf::json::deserialize::from_slice;
+use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::extensions::scene::khr_lights_punctual;
 use ::gltf::json::validation::{Checked, Error, Validate};
-use context::Context;
+use context::{Buffer, Context};
+use geometry::Pose;
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
 use std::borrow::Cow;
+use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
+use std::f32::consts::FRAC_PI_2;
 use std::path::Path;
 
 /// Extensions a file may require.
 pub const SUPPORTED_EXTENSIONS: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
@@ -35,7 +45,33 @@ pub const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
+];
+
+/// Extensions a file may require although they are left out: they concern motion, sound, choices that a viewer has, coarser
+/// levels of detail, and data of applications, and the picture without them is right.
+const INVISIBLE_EXTENSIONS: &[&str] = &[
+    "AGI_articulations",
+    "AGI_stk_metadata",
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "KHR_animation_pointer",
+    "KHR_audio",
+    "KHR_audio_emitter",
+    "KHR_implicit_shapes",
+    "KHR_interactivity",
+    "KHR_materials_variants",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_physics_rigid_bodies",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_lod",
+    "MSFT_packing_normalRoughnessMetallic",
+    "MSFT_packing_occlusionRoughnessMetallic",
 ];
 
 /// Loads a `.gltf` or `.glb` file.
@@ -53,26 +89,46 @@ pub(crate) fn load_bytes(bytes: &[u8], name: &str, options: &LoadOptions) -> Res
 }
 
 fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, SceneError> {
+    let (files, mended) = (&Files::of(path, options)?, &Mended::new(options));
+    let budget = &RefCell::new(Budget::of_process());
     let binary =
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) || bytes.starts_with(b"glTF");
-    let (json, chunk) = if binary { container::split(path, bytes)? } else { (bytes, None) };
-    let (root, nodes) = parse(path, json)?;
-    let (files, mended) = (&Files::of(path, options)?, &Mended::new(options));
-    let buffers = buffers(path, files, &root, binary, chunk)?;
+    let (text, chunk) = if binary {
+        let chunks = container::split(path, bytes, mended)?;
+        (chunks.json, chunks.binary)
+    } else {
+        (bytes, None)
+    };
+    let short = |shortage| SceneError::short(path, "JSON", shortage);
+    budget.borrow_mut().take(parsed_size(text)).map_err(short)?;
+    let (mut value, animations) = tidy::parse(path, text, mended)?;
+    let root = &typed(path, &value)?;
+    let nodes = match value.get_mut("nodes").map(json::Value::take) {
+        Some(json::Value::Array(nodes)) => nodes,
+        _ => Vec::new(),
+    };
+    drop(value);
+    let buffers = &buffers(path, files, root, binary.then_some(chunk), mended, budget)?;
+    let parents = &parents(path, root)?;
     let quantized = root.extensions_used.iter().any(|name| name == "KHR_mesh_quantization");
-    let context =
-        Context { file: path, files, mended, root: &root, nodes: &nodes, buffers: &buffers, quantized };
-    context.check_structure()?;
-    context.scene(options)
+    let read = &vec![Cell::new(false); root.accessors.len()];
+    let nodes = &nodes;
+    let file = path;
+    let context = Context { file, files, mended, root, nodes, parents, buffers, read, quantized, budget };
+    context.scene(options, animations)
 }
 
-/// Types the JSON and checks all indices in it. Nodes come as they are, too.
-fn parse(path: &Path, text: &[u8]) -> Result<(json::Root, json::Value), SceneError> {
-    let mut value: json::Value =
-        from_slice(text).map_err(|error| SceneError::new(path, "JSON", error.to_string()))?;
-    drop_extras(&mut value);
-    let root: json::Root = json::Root::deserialize(&value)
-        .map_err(|error| SceneError::new(path, untyped_element(&value), error.to_string()))?;
+/// Bytes that JSON takes once it is parsed and typed, or a little more.
+fn parsed_size(text: &[u8]) -> u64 {
+    let values = text.iter().filter(|byte| b",:[{".contains(byte)).count();
+    2 * text.len() as u64 + values as u64 * 3 * size_of::<json::Value>() as u64
+}
+
+/// Types the JSON and checks all indices in it.
+fn typed(path: &Path, value: &json::Value) -> Result<json::Root, SceneError> {
+    let root: json::Root = json::Root::deserialize(value).map_err(|error| {
+        SceneError::new(path, untyped_element(value), file::shortened(&error.to_string()))
+    })?;
     check_header(path, &root)?;
     // The crate's validation indexes accessors by these without a check.
     for (i, mesh) in root.meshes.iter().enumerate() {
@@ -91,6 +147,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<(json::Root, json::Value), SceneErr
         let at = at().0;
         // Extensions are checked above; these may be absent.
         let optional = at.ends_with("attributes[\"POSITION\"]")
+            || at.ends_with("attributes[\"POSITION\"].min")
+            || at.ends_with("attributes[\"POSITION\"].max")
             || at.starts_with("accessors[") && at.ends_with("].bufferView")
             || at.starts_with("textures[") && at.ends_with("].source");
         let legal = error == Error::Unsupported || error == Error::Missing && optional;
@@ -104,20 +162,7 @@ fn parse(path: &Path, text: &[u8]) -> Result<(json::Root, json::Value), SceneErr
             first = Some(SceneError::new(path, at, problem));
         }
     });
-    let nodes = value.get_mut("nodes").map_or(json::Value::Null, json::Value::take);
-    first.map_or(Ok((root, nodes)), Err)
-}
-
-/// `extras` concern nobody here, and those of lights can't be typed by the crate.
-fn drop_extras(value: &mut json::Value) {
-    match value {
-        json::Value::Object(members) => {
-            members.remove("extras");
-            members.values_mut().for_each(drop_extras);
-        }
-        json::Value::Array(items) => items.iter_mut().for_each(drop_extras),
-        _ => {}
-    }
+    first.map_or(Ok(root), Err)
 }
 
 /// Which element of well-formed JSON can't be typed.
@@ -129,7 +174,6 @@ fn untyped_element(root: &json::Value) -> String {
         Some(format!("{list}[{i}]"))
     }
     find::<json::Accessor>(root, "accessors")
-        .or_else(|| find::<json::Animation>(root, "animations"))
         .or_else(|| find::<json::buffer::View>(root, "bufferViews"))
         .or_else(|| find::<json::Buffer>(root, "buffers"))
         .or_else(|| find::<json::Camera>(root, "cameras"))
@@ -154,7 +198,7 @@ fn check_header(path: &Path, root: &json::Root) -> Result<(), SceneError> {
         .extensions_required
         .iter()
         .map(String::as_str)
-        .filter(|name| !SUPPORTED_EXTENSIONS.contains(name))
+        .filter(|name| !SUPPORTED_EXTENSIONS.contains(name) && !INVISIBLE_EXTENSIONS.contains(name))
         .collect();
     if unknown.is_empty() {
         return Ok(());
@@ -162,32 +206,70 @@ fn check_header(path: &Path, root: &json::Root) -> Result<(), SceneError> {
     Err(SceneError::new(path, "extensionsRequired", format!("not supported: {}", unknown.join(", "))))
 }
 
+/// Data of all buffers; the first of a .glb file may be its `chunk`.
 fn buffers<'a>(
     path: &Path,
     files: &Files,
     root: &json::Root,
-    binary: bool,
-    chunk: Option<&'a [u8]>,
-) -> Result<Vec<Option<Cow<'a, [u8]>>>, SceneError> {
-    let read = |i: usize, buffer: &json::Buffer| {
-        let data = match &buffer.uri {
-            Some(uri) => Some(Cow::Owned(container::fetch(files, uri)?)),
-            None if i == 0 && binary => {
-                Some(Cow::Borrowed(chunk.ok_or("has no uri, and there is no binary chunk")?))
+    chunk: Option<Option<&'a [u8]>>,
+    mended: &Mended,
+    budget: &RefCell<Budget>,
+) -> Result<Vec<Buffer<'a>>, SceneError> {
+    let read = |(i, buffer): (usize, &json::Buffer)| match (&buffer.uri, chunk) {
+        (Some(uri), _) => match container::fetch(files, uri, budget) {
+            Ok(fetched) => {
+                if let Some(name) = fetched.differs {
+                    let problem = format!("`{}` is not there, but `{name}` is", file::shortened(uri));
+                    let defect = SceneError::new(path, format!("buffers[{i}]"), problem);
+                    mended.mend(path, defect, container::OTHER_CASE)?;
+                }
+                Ok(Buffer::Data(Cow::Owned(fetched.bytes)))
             }
-            None => None,
-        };
-        let length = buffer.byte_length.0;
-        match &data {
-            Some(data) if (data.len() as u64) < length => {
-                Err(format!("truncated: {} of {length} bytes", data.len()))
-            }
-            _ => Ok(data),
-        }
+            Err(Fault::Broken(problem)) => Ok(Buffer::Lost(problem)),
+            Err(short) => Err(short.of(path, format!("buffers[{i}]"))),
+        },
+        (None, Some(Some(chunk))) if i == 0 => Ok(Buffer::Data(Cow::Borrowed(chunk))),
+        (None, Some(None)) if i == 0 => Ok(Buffer::Lost("has no uri, and there is no binary chunk".into())),
+        _ => Ok(Buffer::Nowhere),
     };
-    let all = root.buffers.iter().enumerate();
-    all.map(|(i, buffer)| read(i, buffer).map_err(|p| SceneError::new(path, format!("buffers[{i}]"), p)))
-        .collect()
+    root.buffers.iter().enumerate().map(read).collect()
+}
+
+/// The parent of each node. They form trees: no node has two parents or is its own ancestor.
+fn parents(path: &Path, root: &json::Root) -> Result<Vec<Option<usize>>, SceneError> {
+    let fail = |element: String, problem: String| Err(SceneError::new(path, element, problem));
+    let nodes = &root.nodes;
+    let mut parents = vec![None; nodes.len()];
+    for (i, node) in nodes.iter().enumerate() {
+        for child in node.children.iter().flatten() {
+            if let Some(other) = parents[child.value()].replace(i) {
+                let problem = format!("is a child of nodes[{other}] and again of nodes[{i}]");
+                return fail(format!("nodes[{child}]"), problem);
+            }
+        }
+    }
+    // With one parent at most, a walk upwards either reaches a root or comes back to where it began.
+    let mut walked = vec![usize::MAX; nodes.len()];
+    for i in 0..nodes.len() {
+        let mut at = Some(i);
+        while let Some(node) = at.filter(|&node| walked[node] == usize::MAX) {
+            walked[node] = i;
+            at = parents[node];
+        }
+        if let Some(node) = at.filter(|&node| walked[node] == i) {
+            return fail(format!("nodes[{node}]"), "is its own ancestor: the hierarchy is cyclic".into());
+        }
+    }
+    let mut listed = vec![usize::MAX; nodes.len()];
+    for (i, scene) in root.scenes.iter().enumerate() {
+        for node in &scene.nodes {
+            if parents[node.value()].is_some() || std::mem::replace(&mut listed[node.value()], i) == i {
+                let problem = format!("nodes[{node}] is not a root node, or is listed twice");
+                return fail(format!("scenes[{i}]"), problem);
+            }
+        }
+    }
+    Ok(parents)
 }
 
 /// What is read of nodes.
@@ -198,74 +280,43 @@ struct Read {
     /// How far from the origin nodes are that lead to them (m).
     detour: f64,
     tally: geometry::Tally,
-    skinned: usize,
     /// Lights with a range.
     ranged: usize,
 }
 
 impl Context<'_> {
-    /// Everything that is checked whether the scene shows it or not.
-    fn check_structure(&self) -> Result<(), SceneError> {
-        for (i, view) in self.root.buffer_views.iter().enumerate() {
-            let length = self.root.buffers[view.buffer.value()].byte_length.0;
-            let end = view.byte_offset.map_or(0, |o| o.0).checked_add(view.byte_length.0);
-            if end.is_none_or(|end| end > length) {
-                let problem = format!("ends behind the {length} bytes of buffers[{}]", view.buffer);
-                return Err(self.error(format!("bufferViews[{i}]"), problem));
-            }
+    /// What is broken, but not needed by the scene; `all` of it, not only what is looked at in passing.
+    fn unneeded_defects(&self, all: bool) -> Vec<SceneError> {
+        let mut defects = Vec::new();
+        for (i, (buffer, data)) in self.root.buffers.iter().zip(self.buffers).enumerate() {
+            let problem = match data {
+                Buffer::Data(data) if (data.len() as u64) < buffer.byte_length.0 => {
+                    accessor::too_short(data, buffer.byte_length.0)
+                }
+                Buffer::Lost(problem) => problem.clone(),
+                _ => continue,
+            };
+            defects.push(self.error(format!("buffers[{i}]"), problem));
         }
+        // Views of such buffers would be told again.
+        let whole = defects.is_empty();
+        let mut check = |checked: Result<(), SceneError>| defects.extend(checked.err());
         // Without a URI a buffer is there for an extension; what reads it all the same fails then.
-        if self.buffers.iter().all(Option::is_some) {
-            (0..self.root.accessors.len()).try_for_each(|i| self.elements(i).map(drop))?;
-            let mut shown = vec![false; self.root.meshes.len()];
+        if whole && !self.buffers.iter().any(|buffer| matches!(buffer, Buffer::Nowhere)) {
+            (0..self.root.buffer_views.len()).for_each(|view| check(self.check_view(view)));
+            let unread = (0..self.read.len()).filter(|&accessor| !self.read[accessor].get());
+            unread.for_each(|accessor| check(self.elements(accessor).map(drop)));
+            let mut shown = vec![!all; self.root.meshes.len()];
             for mesh in self.root.nodes.iter().filter_map(|node| node.mesh) {
                 shown[mesh.value()] = true;
             }
-            let unseen = (0..shown.len()).filter(|&mesh| !shown[mesh]);
-            unseen
-                .map(|mesh| self.mesh(mesh, None, DVec3::ZERO, &mut geometry::Tally::default()))
-                .try_for_each(|m| m.map(drop))?;
-        }
-        (0..self.root.cameras.len()).try_for_each(|i| self.view(i).map(drop))?;
-        self.check_nodes()
-    }
-
-    /// Nodes form trees: no node has two parents or is its own ancestor.
-    fn check_nodes(&self) -> Result<(), SceneError> {
-        let nodes = &self.root.nodes;
-        let mut parents = vec![None; nodes.len()];
-        for (i, node) in nodes.iter().enumerate() {
-            for child in node.children.iter().flatten() {
-                if let Some(other) = parents[child.value()].replace(i) {
-                    let problem = format!("is a child of nodes[{other}] and again of nodes[{i}]");
-                    return Err(self.error(format!("nodes[{child}]"), problem));
-                }
+            for mesh in (0..shown.len()).filter(|&mesh| !shown[mesh]) {
+                let budget = *self.budget.borrow();
+                check(self.mesh(mesh, &Pose::default(), &mut geometry::Tally::default()).map(drop));
+                self.budget.replace(budget);
             }
         }
-        // With one parent at most, a walk upwards either reaches a root or comes back to where it began.
-        let mut walked = vec![usize::MAX; nodes.len()];
-        for i in 0..nodes.len() {
-            let mut at = Some(i);
-            while let Some(node) = at.filter(|&node| walked[node] == usize::MAX) {
-                walked[node] = i;
-                at = parents[node];
-            }
-            if let Some(node) = at.filter(|&node| walked[node] == i) {
-                return Err(
-                    self.error(format!("nodes[{node}]"), "is its own ancestor: the hierarchy is cyclic")
-                );
-            }
-        }
-        let mut listed = vec![usize::MAX; nodes.len()];
-        for (i, scene) in self.root.scenes.iter().enumerate() {
-            for node in &scene.nodes {
-                if parents[node.value()].is_some() || std::mem::replace(&mut listed[node.value()], i) == i {
-                    let problem = format!("nodes[{node}] is not a root node, or is listed twice");
-                    return Err(self.error(format!("scenes[{i}]"), problem));
-                }
-            }
-        }
-        Ok(())
+        defects
     }
 
     /// Root nodes of the scene that is asked for, and which element that is.
@@ -302,15 +353,26 @@ impl Context<'_> {
         Ok(((0..is_root.len()).filter(|&i| is_root[i]).collect(), "nodes".to_owned()))
     }
 
-    fn scene(&self, options: &LoadOptions) -> Result<Scene, SceneError> {
+    fn scene(&self, options: &LoadOptions, animations: usize) -> Result<Scene, SceneError> {
         let (roots, element) = self.roots(options)?;
+        let budget = *self.budget.borrow();
         let mut read = self.placed_parts(&roots, None)?;
         if let Some(around) = Around::of(&read.scene, &read.transforms, read.detour) {
+            drop(read);
+            self.budget.replace(budget);
             read = self.placed_parts(&roots, Some(&around))?;
         }
-        let Read { mut scene, tally, skinned, ranged, .. } = read;
+        let Read { mut scene, tally, ranged, .. } = read;
         self.materials(&mut scene)?;
-        self.note(&mut scene, &tally, skinned, ranged);
+        let empty = scene.meshes.iter().all(|mesh| mesh.triangles.is_empty());
+        for defect in self.unneeded_defects(empty || options.strict) {
+            // Where there is nothing to see, it may be why.
+            if empty {
+                return Err(defect);
+            }
+            self.mended.mend(self.file, defect, "nothing shown needs it")?;
+        }
+        self.note(&mut scene, &tally, animations, ranged);
         scene.notes.extend(self.mended.notes());
         import::finish(scene, self.file, &element)
     }
@@ -325,36 +387,65 @@ impl Context<'_> {
         let lights = self.lights()?;
         let mut tally = geometry::Tally::default();
         let mut meshes: HashMap<(usize, Option<Vec<u32>>), u32> = HashMap::new();
+        let mut worlds = self.worlds(around.is_some());
         let mut transforms = Vec::new();
-        let (mut skinned, mut ranged) = (0, 0);
+        let (mut ranged, mut triangles) = (0, 0_usize);
         let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
         let mut detour = 0.0_f64;
         let mut stack: Vec<(usize, DAffine3, f64)> =
             roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0)).collect();
         while let Some((i, parent, way)) = stack.pop() {
             let node = &self.root.nodes[i];
+            if self.is_hidden(i) {
+                continue;
+            }
             let world = parent * self.local_transform(i, around.is_some())?;
             let way = way.max(world.translation.length());
             stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world, way)));
-            if let Some(mesh) = node.mesh.map(|mesh| mesh.value()) {
-                skinned += usize::from(node.skin.is_some());
+            if let Some(source) = node.mesh.map(|mesh| mesh.value()) {
                 let weights = node.weights.as_deref().filter(|w| !w.is_empty());
-                let key = (mesh, weights.map(|w| w.iter().map(|w| w.to_bits()).collect()));
-                let mesh = match meshes.get(&key) {
-                    Some(&mesh) => mesh,
+                let skin = node.skin.map(|skin| self.skin(skin.value(), world, &mut worlds)).transpose()?;
+                let slot = scene.meshes.len();
+                let origin = || around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
+                let pose = |skin| Pose { weights, origin: origin(), skin };
+                let mesh = match &skin {
+                    Some(skin) => {
+                        scene.meshes.push(self.mesh(source, &pose(Some(skin)), &mut tally)?);
+                        slot
+                    }
                     None => {
-                        let slot = scene.meshes.len();
-                        let offset = around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
-                        scene.meshes.push(self.mesh(mesh, weights, offset, &mut tally)?);
-                        meshes.insert(key, slot as u32);
-                        slot as u32
+                        let key = (source, weights.map(|w| w.iter().map(|w| w.to_bits()).collect()));
+                        match meshes.get(&key) {
+                            Some(&mesh) => mesh as usize,
+                            None => {
+                                scene.meshes.push(self.mesh(source, &pose(None), &mut tally)?);
+                                meshes.insert(key, slot as u32);
+                                slot
+                            }
+                        }
                     }
                 };
-                let name = node.name.clone().unwrap_or_else(|| scene.meshes[mesh as usize].name.clone());
-                let placement = around.map_or(world, |around| around.placement(mesh as usize, &world));
-                scene.instances.push(Instance { name, mesh, transform: self.world_f32(i, placement)? });
-                transforms.push(placement);
-                detour = detour.max(way);
+                let name = node.name.clone().unwrap_or_else(|| scene.meshes[mesh].name.clone());
+                let places = match &skin {
+                    Some(_) => vec![DAffine3::IDENTITY],
+                    None => self.places(i, world)?,
+                };
+                let whole = scene.meshes[mesh].triangles.len().saturating_mul(places.len());
+                triangles = triangles.saturating_add(whole);
+                if triangles > MAX_TRIANGLES {
+                    let problem = format!("more than {MAX_TRIANGLES} triangles up to here");
+                    return Err(self.error(format!("nodes[{i}]"), problem));
+                }
+                let bytes = size_of::<(Instance, DAffine3)>() + name.len();
+                let taken = self.take::<u8>(places.len().saturating_mul(bytes));
+                taken.map_err(|shortage| self.fault(format!("nodes[{i}]"), shortage))?;
+                for place in places {
+                    let placement = around.map_or(place, |around| around.placement(mesh, &place));
+                    let transform = self.world_f32(i, placement)?;
+                    scene.instances.push(Instance { name: name.clone(), mesh: mesh as u32, transform });
+                    transforms.push(placement);
+                }
+                detour = detour.max(skin.map_or(way, |skin| skin.reach()));
             }
             let world = DAffine3 { translation: world.translation - scene.origin, ..world };
             if let Some(camera) = node.camera {
@@ -368,16 +459,89 @@ impl Context<'_> {
                 scene.lights.push(self.placed(i, light, world)?);
             }
         }
-        Ok(Read { scene, transforms, detour, tally, skinned, ranged })
+        Ok(Read { scene, transforms, detour, tally, ranged })
+    }
+
+    /// What an extension says of a node that the crate does not type.
+    fn node_extension(&self, node: usize, name: &str) -> Option<&json::Value> {
+        self.root.nodes[node].extensions.as_ref()?.others.get(name)
+    }
+
+    /// Whether `KHR_node_visibility` hides a node and all below it.
+    fn is_hidden(&self, node: usize) -> bool {
+        let extension = self.node_extension(node, "KHR_node_visibility");
+        extension.is_some_and(|extension| extension["visible"] == json::Value::Bool(false))
+    }
+
+    /// Where a node's mesh is: at the node, or as often as `EXT_mesh_gpu_instancing` has it, relative to the node.
+    fn places(&self, node: usize, world: DAffine3) -> Result<Vec<DAffine3>, SceneError> {
+        let name = "EXT_mesh_gpu_instancing";
+        let Some(extension) = self.node_extension(node, name) else { return Ok(vec![world]) };
+        let element = format!("nodes[{node}].extensions.{name}");
+        let attribute = |name: &str, shape: Type| {
+            let Some(index) = extension.pointer(&format!("/attributes/{name}")) else { return Ok(None) };
+            let index = index.as_u64().filter(|&index| index < self.root.accessors.len() as u64);
+            let index = index.ok_or_else(|| {
+                self.error(
+                    format!("{element}.attributes.{name}"),
+                    "its accessor is not there: index out of range",
+                )
+            })?;
+            let elements = self.elements(index as usize)?;
+            let floats = elements.component == ComponentType::F32;
+            let small = elements.normalized
+                && shape == Type::Vec4
+                && matches!(elements.component, ComponentType::I8 | ComponentType::I16);
+            if elements.shape == shape && (floats || small) {
+                return Ok(Some(elements));
+            }
+            Err(self.error(&element, format!("accessors[{index}] can't be {name}")))
+        };
+        let translations = attribute("TRANSLATION", Type::Vec3)?;
+        let rotations = attribute("ROTATION", Type::Vec4)?;
+        let scales = attribute("SCALE", Type::Vec3)?;
+        let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|e| e.count);
+        // Other attributes are an application's.
+        let Some(count) = counts.next() else { return Ok(vec![world]) };
+        if counts.any(|other| other != count) {
+            return Err(self.error(element, "its attributes differ in length"));
+        }
+        let short = |shortage| self.fault(&element, shortage);
+        self.take::<DAffine3>(count).map_err(short)?;
+        let translations = translations.as_ref().map(|e| e.floats::<3>(0..count)).transpose()?;
+        let rotations = rotations.as_ref().map(|e| e.floats::<4>(0..count)).transpose()?;
+        let scales = scales.as_ref().map(|e| e.floats::<3>(0..count)).transpose()?;
+        let place = |i: usize| {
+            let translation = translations.as_ref().map_or([0.0; 3], |all| all[i]);
+            let scale = scales.as_ref().map_or([1.0; 3], |all| all[i]);
+            let rotation = rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |all| all[i]);
+            let rotation = DQuat::from_array(rotation.map(f64::from));
+            if rotation.length() == 0.0 {
+                return Err(self.error(&element, format!("rotation {i} is not a unit quaternion")));
+            }
+            let [scale, translation] = [scale, translation].map(|v| DVec3::from(v.map(f64::from)));
+            let placed = DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation);
+            Ok(world * placed)
+        };
+        (0..count).map(place).collect()
     }
 
     /// All materials in file order, with textures where a triangle uses them.
     fn materials(&self, scene: &mut Scene) -> Result<(), SceneError> {
         let count = self.root.materials.len();
-        scene.materials = (0..count).map(|i| self.material(i)).collect::<Result<_, _>>()?;
         let mut used = vec![false; count + 1];
         for &material in scene.meshes.iter().flat_map(|mesh| &mesh.materials) {
             used[material as usize] = true;
+        }
+        for (i, used) in used[..count].iter().enumerate() {
+            let material = match self.material(i) {
+                Err(defect) if !used => {
+                    self.mended.mend(self.file, defect, "nothing shown needs it")?;
+                    Material::default()
+                }
+                material => material?,
+            };
+            scene.materials.push(material);
         }
         if used[count] {
             scene.materials.push(Material { name: "default".into(), ..Material::default() });
@@ -421,7 +585,7 @@ impl Context<'_> {
         Ok(())
     }
 
-    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, skinned: usize, ranged: usize) {
+    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, animations: usize, ranged: usize) {
         let mut note = |holds: bool, text: String| {
             if holds {
                 scene.notes.push(text);
@@ -445,15 +609,12 @@ impl Context<'_> {
                 "the range of {ranged} lights, a hint, is left out: their light falls off by the inverse square for ever"
             ),
         );
-        note(skinned > 0, format!("{skinned} skinned meshes are shown undeformed"));
         note(
             tally.morphed > 0,
             format!("{} morphed meshes are shown with their default weights", tally.morphed),
         );
-        note(
-            !self.root.animations.is_empty(),
-            format!("{} animations are left out", self.root.animations.len()),
-        );
+        note(tally.flat > 0, format!("{} triangles whose corners are one point are left out", tally.flat));
+        note(animations > 0, format!("{animations} animations are left out"));
         let unknown: Vec<&str> = self
             .root
             .extensions_used
@@ -466,7 +627,7 @@ impl Context<'_> {
 
     /// Transform of a node in its parent; 64 bits keep deep chains exact enough. Its numbers are those of the file, to 32
     /// bits or, if `exact`, to 64.
-    fn local_transform(&self, index: usize, exact: bool) -> Result<DAffine3, SceneError> {
+    pub(super) fn local_transform(&self, index: usize, exact: bool) -> Result<DAffine3, SceneError> {
         let node = &self.root.nodes[index];
         let fail = |problem: &str| Err(self.error(format!("nodes[{index}]"), problem));
         if let Some(matrix) = node.matrix {
@@ -476,9 +637,7 @@ impl Context<'_> {
             if !matrix.iter().all(|e| e.is_finite()) {
                 return fail("its matrix is not finite");
             }
-            if [matrix[3], matrix[7], matrix[11], matrix[15]] != [0.0, 0.0, 0.0, 1.0] {
-                return fail("the last row of its matrix is not 0 0 0 1");
-            }
+            self.check_last_row(&format!("nodes[{index}]"), &matrix)?;
             let matrix = self.node_numbers(index, "matrix", exact, matrix);
             return Ok(DAffine3::from_mat4(DMat4::from_cols_array(&matrix)));
         }
@@ -490,8 +649,13 @@ impl Context<'_> {
         if !(translation.is_finite() && rotation.is_finite() && scale.is_finite()) {
             return fail("its translation, rotation or scale is not finite");
         }
-        if (rotation.length() - 1.0).abs() > 1e-2 {
+        let length = rotation.length();
+        if length == 0.0 {
             return fail("its rotation is not a unit quaternion");
+        }
+        if (length - 1.0).abs() > 1e-2 {
+            let problem = format!("its rotation is not a unit quaternion but {length} long");
+            self.mend(format!("nodes[{index}]"), problem, "it is normalised")?;
         }
         Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
     }
@@ -557,7 +721,7 @@ impl Context<'_> {
             let kind = match (source.type_, &source.spot) {
                 (Checked::Valid(khr_lights_punctual::Type::Directional), _) => LightKind::Directional,
                 (Checked::Valid(khr_lights_punctual::Type::Spot), Some(spot)) => {
-                    LightKind::Spot { inner: spot.inner_cone_angle, outer: spot.outer_cone_angle }
+                    self.cone(i, spot.inner_cone_angle, spot.outer_cone_angle)?
                 }
                 _ => LightKind::Point,
             };
@@ -577,6 +741,23 @@ impl Context<'_> {
             Ok(light)
         };
         sources.iter().enumerate().map(read).collect()
+    }
+
+    /// The cone of light `index`. Angles that rounding has put beside their range are brought into it.
+    fn cone(&self, index: usize, inner: f32, outer: f32) -> Result<LightKind, SceneError> {
+        /// As a share of the angle.
+        const HAIR: f32 = 1e-3;
+        let wide = outer > FRAC_PI_2 && outer <= FRAC_PI_2 * (1.0 + HAIR);
+        let narrow = inner >= outer && inner <= outer * (1.0 + HAIR);
+        let negative = inner < 0.0 && inner >= -HAIR;
+        if wide || narrow || negative {
+            let problem = format!("its cone angles are {inner} and {outer}");
+            let element = format!("extensions.KHR_lights_punctual.lights[{index}].spot");
+            self.mend(element, problem, "the inner one is a little smaller, and neither is out of range")?;
+        }
+        let outer = if wide { FRAC_PI_2 } else { outer };
+        let inner = if narrow { outer * (1.0 - HAIR) } else { inner };
+        Ok(LightKind::Spot { inner: if negative { 0.0 } else { inner }, outer })
     }
 
     fn placed(&self, node: usize, light: &Light, world: DAffine3) -> Result<Light, SceneError> {
