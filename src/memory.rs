@@ -35,6 +35,12 @@ impl Budget {
         Self { left: bytes, taken: 0 }
     }
 
+    /// Bytes that are not taken.
+    #[must_use]
+    pub fn left(&self) -> u64 {
+        self.left.saturating_sub(self.taken)
+    }
+
     /// Adds `bytes` to what is taken.
     ///
     /// # Errors

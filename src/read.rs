@@ -51,6 +51,18 @@ pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
+/// Bytes of memory that an OpenEXR file's pixels take once they are read; those of its largest part.
+pub(crate) fn exr_bytes(meta: &exr::meta::MetaData) -> u64 {
+    let part = |header: &exr::meta::header::Header| {
+        let channels = header.channels.list.iter();
+        let pixel: u64 = channels.map(|channel| channel.sample_type.bytes_per_sample() as u64).sum();
+        let size = header.layer_size;
+        // Its blocks are decoded beside them.
+        (size.width() as u64).saturating_mul(size.height() as u64).saturating_mul(2 * pixel)
+    };
+    meta.headers.iter().map(part).max().unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

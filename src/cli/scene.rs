@@ -3,7 +3,7 @@
 use super::args::{Common, SceneFile};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
-use crate::scene::{self, Camera, Environment, LoadOptions, Scene, SceneProfile, builtin};
+use crate::scene::{self, Camera, Environment, FRAMED, LoadOptions, Scene, SceneProfile, builtin};
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -24,8 +24,13 @@ pub(super) fn stem(args: &Common) -> OsString {
 pub(super) fn read(file: &SceneFile) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
     let path = file.scene.as_deref().unwrap_or(Path::new(&default));
-    let options = LoadOptions { scene: file.which.clone(), strict: file.strict, roots: file.root.clone() };
-    Ok(scene::load(path, &options)?)
+    Ok(scene::load(path, &file.options())?)
+}
+
+impl SceneFile {
+    pub(super) fn options(&self) -> LoadOptions {
+        LoadOptions { scene: self.which.clone(), strict: self.strict, roots: self.root.clone() }
+    }
 }
 
 /// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
@@ -38,6 +43,9 @@ pub(super) fn load(
     reporter.stage("load", &name(args));
     let mut scene = read(&args.file)?;
     let camera = camera(args, &scene)?;
+    if args.eye.is_some() {
+        scene.notes.retain(|note| note != FRAMED);
+    }
     scene.environment = environment.or(scene.environment);
     let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
     if scene.lights.is_empty() && !args.no_headlight && !shines(&scene) {
@@ -68,11 +76,9 @@ fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
         .or_else(|| named(&|name| name.to_lowercase() == word.to_lowercase()));
     found.cloned().ok_or_else(|| {
         let cameras = scene.cameras.iter().enumerate().map(|(i, camera)| match &camera.camera_name {
-            Some(name) if *name != camera.name => format!("{i}: {} ({name})", camera.name),
-            _ => format!("{i}: {}", camera.name),
+            Some(name) if *name != camera.name => format!("{i} is `{}` (`{name}`)", camera.name),
+            _ => format!("{i} is `{}`", camera.name),
         });
-        let cameras: Vec<_> = cameras.collect();
-        let there = if cameras.is_empty() { "is none".into() } else { format!("are {}", cameras.join(", ")) };
-        input!("--camera: no camera `{word}`; there {there}")
+        input!("--camera: no camera `{word}`; number {}", cameras.collect::<Vec<_>>().join(", "))
     })
 }

@@ -18,6 +18,9 @@ pub struct LoadOptions {
     pub roots: Vec<PathBuf>,
 }
 
+/// What is noted of a scene without a camera.
+pub(crate) const FRAMED: &str = "the scene has no camera: it is seen from one that frames it";
+
 /// Defects that are mended, or, where a load is strict, errors.
 pub(super) struct Mended {
     strict: bool,
@@ -94,7 +97,7 @@ pub(super) fn finish(mut scene: Scene, file: &Path, element: &str) -> Result<Sce
     scene.validate().map_err(|error| SceneError { file: file.to_owned(), ..error })?;
     if scene.cameras.is_empty() {
         scene.cameras.push(scene.frame_camera());
-        scene.notes.push("the scene has no camera: it is seen from one that frames it".into());
+        scene.notes.push(FRAMED.into());
     }
     Ok(scene)
 }

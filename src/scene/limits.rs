@@ -11,8 +11,8 @@ pub const MAX_TEXELS: usize = 1 << 29;
 /// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
 /// and lights may be ten times as far.
 pub const MAX_COORDINATE: f32 = 1e9;
-/// Brightest emission of surfaces and environments (W/(sr·m²)) and intensity of lights (W/sr, W/m²): 1e14 times as much
-/// is still a number, close to a light and in sums over samples.
+/// Largest radiance (W/(sr·m²)), intensity (W/sr) or irradiance (W/m²) of anything that shines: ten thousand suns seen from
+/// a micrometre off still fit into 32-bit floats.
 pub const MAX_RADIANCE: f32 = 1e24;
 /// Largest index of refraction: all light is reflected.
 pub const MAX_IOR: f32 = 1e6;

@@ -30,6 +30,7 @@ pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 use error::Fault;
 pub use error::SceneError;
 pub use feature::Feature;
+pub(crate) use import::FRAMED;
 pub use import::LoadOptions;
 pub use light::{Light, LightKind};
 pub use limits::{

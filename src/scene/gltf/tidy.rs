@@ -379,10 +379,12 @@ fn items_mut<'a>(parent: &'a mut Value, list: &str) -> impl Iterator<Item = &'a 
 
 /// Leaves out attributes of names that are neither glTF's nor an application's.
 fn attributes(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
+    let numbered = |name: &str| {
+        let sets = ["TEXCOORD_", "COLOR_", "JOINTS_", "WEIGHTS_"];
+        sets.iter().filter_map(|set| name.strip_prefix(set)).any(|set| set.parse::<u32>().is_ok())
+    };
     let known = |name: &str| {
-        let numbered = |set: &str| set.parse::<u32>().is_ok();
-        let of_set = name.rsplit_once('_').is_some_and(|(name, set)| !name.is_empty() && numbered(set));
-        of_set || name.starts_with('_') || matches!(name, "POSITION" | "NORMAL" | "TANGENT")
+        name.starts_with('_') || matches!(name, "POSITION" | "NORMAL" | "TANGENT") || numbered(name)
     };
     for (i, mesh) in items_mut(root, "meshes").enumerate() {
         for (j, primitive) in items_mut(mesh, "primitives").enumerate() {
