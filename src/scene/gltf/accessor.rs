@@ -78,10 +78,11 @@ impl<'a> Context<'a> {
         if accessor.normalized && matches!(component, ComponentType::F32 | ComponentType::U32) {
             return Err("normalized, but its components are neither 8 nor 16 bits wide".into());
         }
-        let size = element_size(component, shape);
+        let (size, pitch) = element_size(component, shape);
         let base = match accessor.buffer_view {
             Some(view) => {
-                let extent = self.extent(view, accessor.byte_offset.map_or(0, |o| o.0), count, size)?;
+                let offset = accessor.byte_offset.map_or(0, |o| o.0);
+                let extent = self.extent(view, offset, count, (size, pitch))?;
                 Some((self.bytes(view, extent.start..extent.end)?, extent.stride))
             }
             None if count > MAX_ZEROS => {
@@ -98,9 +99,9 @@ impl<'a> Context<'a> {
                 if replaced == 0 || replaced > count {
                     return Err(format!("{replaced} sparse elements, expected 1 to {count}"));
                 }
-                let tight = |view, offset: u64, size| {
-                    let extent = self.extent(view, offset, replaced, size)?;
-                    if extent.stride != size {
+                let tight = |view, offset: u64, (size, pitch)| {
+                    let extent = self.extent(view, offset, replaced, (size, pitch))?;
+                    if extent.stride != pitch {
                         return Err("a buffer view of sparse data has a byteStride".into());
                     }
                     self.bytes(view, extent.start..extent.end)
@@ -108,9 +109,9 @@ impl<'a> Context<'a> {
                 let indices = tight(
                     sparse.indices.buffer_view,
                     sparse.indices.byte_offset.0,
-                    index_component.0.size(),
+                    (index_component.0.size(), index_component.0.size()),
                 )?;
-                let values = tight(sparse.values.buffer_view, sparse.values.byte_offset.0, size)?;
+                let values = tight(sparse.values.buffer_view, sparse.values.byte_offset.0, (size, pitch))?;
                 let indices: Vec<u32> = indices
                     .chunks_exact(index_component.0.size())
                     .map(|bytes| unsigned(bytes, index_component.0))
@@ -141,10 +142,10 @@ impl<'a> Context<'a> {
         view: Index<buffer::View>,
         offset: u64,
         count: usize,
-        size: usize,
+        (size, pitch): (usize, usize),
     ) -> Result<Extent, String> {
         let description = &self.root.buffer_views[view.value()];
-        let stride = description.byte_stride.map_or(size, |stride| stride.0);
+        let stride = description.byte_stride.map_or(pitch, |stride| stride.0);
         if stride < size {
             return Err(format!(
                 "byteStride {stride} of bufferViews[{view}] is less than an element's {size} bytes"
@@ -247,31 +248,36 @@ impl Elements<'_> {
         let bytes = range.len() as u64 * size_of::<T>() as u64;
         let taken = self.budget.borrow_mut().take(bytes);
         taken.map_err(|shortage| Fault::from(shortage).of(self.file, &self.element))?;
-        let size = element_size(self.component, self.shape);
+        let (size, pitch) = element_size(self.component, self.shape);
         let mut values = match self.base {
             Some((bytes, stride)) => {
                 range.clone().map(|i| value(&bytes[i * stride..i * stride + size])).collect()
             }
             None => vec![zero; range.len()],
         };
-        for (&i, bytes) in self.sparse.0.iter().zip(self.sparse.1.chunks_exact(size)) {
+        for (&i, bytes) in self.sparse.0.iter().zip(self.sparse.1.chunks(pitch)) {
             if range.contains(&(i as usize)) {
-                values[i as usize - range.start] = value(bytes);
+                values[i as usize - range.start] = value(&bytes[..size]);
             }
         }
         Ok(values)
     }
 }
 
-/// Bytes of an element; columns of matrices begin at multiples of four.
-fn element_size(component: ComponentType, shape: Type) -> usize {
+/// Bytes of an element, and from one to the next where they are tight; columns of matrices begin at multiples of four.
+fn element_size(component: ComponentType, shape: Type) -> (usize, usize) {
     let columns = match shape {
         Type::Mat2 => 2,
         Type::Mat3 => 3,
         Type::Mat4 => 4,
-        _ => return component.size() * shape.multiplicity(),
+        _ => {
+            let size = component.size() * shape.multiplicity();
+            return (size, size);
+        }
     };
-    columns * (component.size() * columns).next_multiple_of(4)
+    let column = component.size() * columns;
+    let pitch = columns * column.next_multiple_of(4);
+    (pitch - column.next_multiple_of(4) + column, pitch)
 }
 
 fn unsigned(bytes: &[u8], component: ComponentType) -> u32 {

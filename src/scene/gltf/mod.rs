@@ -74,6 +74,9 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
     "MSFT_packing_occlusionRoughnessMetallic",
 ];
 
+/// What is done about defects that leave the picture as it is.
+const UNNEEDED: &str = "nothing shown needs it";
+
 /// Loads a `.gltf` or `.glb` file.
 ///
 /// # Errors
@@ -126,10 +129,14 @@ fn parsed_size(text: &[u8]) -> u64 {
 
 /// Types the JSON and checks all indices in it.
 fn typed(path: &Path, value: &json::Value) -> Result<json::Root, SceneError> {
+    // Files of other versions can't be typed.
+    if let Some(version) = value.pointer("/asset/version").and_then(json::Value::as_str) {
+        check_version(path, version, value.pointer("/asset/minVersion").and_then(json::Value::as_str))?;
+    }
     let root: json::Root = json::Root::deserialize(value).map_err(|error| {
         SceneError::new(path, untyped_element(value), file::shortened(&error.to_string()))
     })?;
-    check_header(path, &root)?;
+    check_extensions(path, &root)?;
     // The crate's validation indexes accessors by these without a check.
     for (i, mesh) in root.meshes.iter().enumerate() {
         for (j, primitive) in mesh.primitives.iter().enumerate() {
@@ -159,6 +166,8 @@ fn typed(path: &Path, value: &json::Value) -> Result<json::Root, SceneError> {
                 Error::Oversize => "larger than this machine can address",
                 Error::Invalid | Error::Unsupported => "invalid value",
             };
+            // The crate has names of its own for a few.
+            let at = at.replace("khrLightsPunctual", "KHR_lights_punctual");
             first = Some(SceneError::new(path, at, problem));
         }
     });
@@ -188,12 +197,15 @@ fn untyped_element(root: &json::Value) -> String {
         .unwrap_or_else(|| "JSON".to_owned())
 }
 
-fn check_header(path: &Path, root: &json::Root) -> Result<(), SceneError> {
-    let minimum = root.asset.min_version.as_deref();
-    if !root.asset.version.starts_with("2.") || minimum.is_some_and(|version| version != "2.0") {
-        let wanted = minimum.unwrap_or(&root.asset.version);
-        return Err(SceneError::new(path, "asset.version", format!("glTF {wanted}, expected 2.0")));
+fn check_version(path: &Path, version: &str, minimum: Option<&str>) -> Result<(), SceneError> {
+    if version.starts_with("2.") && minimum.is_none_or(|version| version == "2.0") {
+        return Ok(());
     }
+    let wanted = file::shortened(minimum.unwrap_or(version));
+    Err(SceneError::new(path, "asset.version", format!("glTF {wanted}, expected 2.0")))
+}
+
+fn check_extensions(path: &Path, root: &json::Root) -> Result<(), SceneError> {
     let unknown: Vec<&str> = root
         .extensions_required
         .iter()
@@ -370,7 +382,7 @@ impl Context<'_> {
             if empty {
                 return Err(defect);
             }
-            self.mended.mend(self.file, defect, "nothing shown needs it")?;
+            self.mended.mend(self.file, defect, UNNEEDED)?;
         }
         self.note(&mut scene, &tally, animations, ranged);
         scene.notes.extend(self.mended.notes());
@@ -404,7 +416,10 @@ impl Context<'_> {
             stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world, way)));
             if let Some(source) = node.mesh.map(|mesh| mesh.value()) {
                 let weights = node.weights.as_deref().filter(|w| !w.is_empty());
-                let skin = node.skin.map(|skin| self.skin(skin.value(), world, &mut worlds)).transpose()?;
+                let skin = match node.skin {
+                    Some(skin) => self.skin(skin.value(), world, &mut worlds)?,
+                    None => None,
+                };
                 let slot = scene.meshes.len();
                 let origin = || around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
                 let pose = |skin| Pose { weights, origin: origin(), skin };
@@ -536,7 +551,7 @@ impl Context<'_> {
         for (i, used) in used[..count].iter().enumerate() {
             let material = match self.material(i) {
                 Err(defect) if !used => {
-                    self.mended.mend(self.file, defect, "nothing shown needs it")?;
+                    self.mended.mend(self.file, defect, UNNEEDED)?;
                     Material::default()
                 }
                 material => material?,

@@ -53,8 +53,13 @@ impl Context<'_> {
         Ok(world)
     }
 
-    /// Skin `index`, worn by a node that is placed by `node`.
-    pub(super) fn skin(&self, index: usize, node: DAffine3, worlds: &mut Worlds) -> Result<Skin, SceneError> {
+    /// Skin `index`, worn by a node that is placed by `node`; none where its matrices are not such.
+    pub(super) fn skin(
+        &self,
+        index: usize,
+        node: DAffine3,
+        worlds: &mut Worlds,
+    ) -> Result<Option<Skin>, SceneError> {
         let source = &self.root.skins[index];
         let element = format!("skins[{index}]");
         let count = source.joints.len();
@@ -75,7 +80,14 @@ impl Context<'_> {
             }
             let matrices = elements.floats::<16>(0..count)?;
             for (joint, matrix) in joints.iter_mut().zip(&matrices) {
-                self.check_last_row(&element, matrix)?;
+                if let Err(defect) = self.check_last_row(&element, matrix) {
+                    self.mended.mend(
+                        self.file,
+                        defect,
+                        "it is left out: its meshes are where their nodes are",
+                    )?;
+                    return Ok(None);
+                }
                 let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
                 *joint = *joint * DAffine3::from_mat4(matrix);
             }
@@ -83,7 +95,7 @@ impl Context<'_> {
         if joints.iter().any(|joint| !joint.is_finite()) {
             return Err(self.error(element, "a joint's transform is too large"));
         }
-        Ok(Skin { index, joints, node })
+        Ok(Some(Skin { index, joints, node }))
     }
 
     /// The last row of a matrix is 0 0 0 1, but for rounding.

@@ -1,7 +1,11 @@
 //! JSON before it is typed: cut to what is read of it, in the types that are expected.
 
+use super::UNNEEDED;
 use crate::scene::import::Mended;
 use crate::scene::{SceneError, file};
+use ::gltf::json::accessor::Accessor;
+use ::gltf::json::validation::Checked;
+use serde::Deserialize;
 use serde_json::{Map, Number, Value, json};
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -328,6 +332,7 @@ pub(super) fn parse(path: &Path, text: &[u8], mended: &Mended) -> Result<(Value,
     let animations = items(&root, "animations").count();
     tidy.cut(&mut root, &ROOT, &Place::Root)?;
     attributes(&tidy, &mut root)?;
+    accessors(&tidy, &mut root)?;
     complete(&mut root);
     Ok((root, animations))
 }
@@ -397,6 +402,33 @@ fn attributes(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
                 tidy.mend(&Place::Member(&Place::Root, &place), problem, "it is left out")?;
             }
         }
+    }
+    Ok(())
+}
+
+/// Puts something harmless in place of accessors that nothing reads and that can't be typed.
+fn accessors(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
+    let mut read = HashSet::new();
+    let mut members = |parent: Option<&Value>| {
+        read.extend(parent.and_then(Value::as_object).into_iter().flatten().filter_map(|(_, v)| v.as_u64()));
+    };
+    for primitive in items(root, "meshes").flat_map(|mesh| items(mesh, "primitives")) {
+        members(Some(primitive));
+        members(primitive.get("attributes"));
+        items(primitive, "targets").for_each(|target| members(Some(target)));
+    }
+    for node in items(root, "nodes") {
+        members(node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes"));
+    }
+    items(root, "skins").for_each(|skin| members(Some(skin)));
+    for (i, item) in items_mut(root, "accessors").enumerate().filter(|(i, _)| !read.contains(&(*i as u64))) {
+        let problem = match Accessor::deserialize(&*item) {
+            Err(error) => file::shortened(&error.to_string()),
+            Ok(Accessor { component_type: Checked::Valid(_), type_: Checked::Valid(_), .. }) => continue,
+            Ok(_) => "unknown component or element type".to_owned(),
+        };
+        *item = json!({"componentType": 5126, "count": 1, "type": "SCALAR"});
+        tidy.mend(&Place::Item(&Place::Member(&Place::Root, "accessors"), i), problem, UNNEEDED)?;
     }
     Ok(())
 }
