@@ -234,6 +234,11 @@ impl Elements<'_> {
         self.read(range, [0; N], value)
     }
 
+    /// Its place in the file.
+    pub(super) fn element(&self) -> &str {
+        &self.element
+    }
+
     /// Whether all elements are zero since nothing says what they are.
     pub(super) fn is_zero(&self) -> bool {
         self.base.is_none() && self.sparse.0.is_empty()

@@ -157,7 +157,7 @@ impl Context<'_> {
         }
         let vertices = self.vertices(primitive, element)?;
         let positions = self.attribute(primitive, element, Semantic::Positions)?;
-        let indices = primitive.indices.map(|accessor| self.elements(accessor.value())).transpose()?;
+        let indices = self.indices(primitive, element)?;
         let nowhere = |elements: &Option<Elements<'_>>| elements.as_ref().is_some_and(Elements::is_zero);
         let compressed = primitive.extensions.as_ref().and_then(|extensions| extensions.others.keys().next());
         if let Some(name) = compressed.filter(|_| nowhere(&positions) || nowhere(&indices)) {
@@ -171,7 +171,7 @@ impl Context<'_> {
             tally.flat += count(mode, corners);
             return Ok(());
         }
-        let corners = self.corners(primitive, element, vertices)?;
+        let corners = self.corners(indices.as_ref(), element, vertices)?;
         let made = count(mode, corners.len());
         if mesh.triangles.len() + made > MAX_TRIANGLES {
             return Err(self.error(element, format!("more than {MAX_TRIANGLES} triangles up to here")));
@@ -288,9 +288,26 @@ impl Context<'_> {
         }
     }
 
-    /// The primitive's vertex indices, or one after the other without them; all below `vertices`.
-    fn corners(&self, primitive: &Primitive, element: &str, vertices: usize) -> Result<Vec<u32>, SceneError> {
-        let Some(accessor) = primitive.indices else {
+    /// The accessor of the primitive's vertex indices, checked for type.
+    fn indices(&self, primitive: &Primitive, element: &str) -> Result<Option<Elements<'_>>, SceneError> {
+        let Some(accessor) = primitive.indices else { return Ok(None) };
+        let elements = self.elements(accessor.value())?;
+        let unsigned =
+            matches!(elements.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        if elements.shape == Type::Scalar && unsigned && !elements.normalized {
+            return Ok(Some(elements));
+        }
+        Err(self.error(element, format!("accessors[{accessor}] can't be indices: they are unsigned scalars")))
+    }
+
+    /// Vertices in the order of `indices`, or one after the other without them; all below `vertices`.
+    fn corners(
+        &self,
+        indices: Option<&Elements<'_>>,
+        element: &str,
+        vertices: usize,
+    ) -> Result<Vec<u32>, SceneError> {
+        let Some(indices) = indices else {
             if vertices > MAX_VERTICES {
                 return Err(
                     self.error(element, format!("{vertices} vertices, expected at most {MAX_VERTICES}"))
@@ -299,23 +316,15 @@ impl Context<'_> {
             self.take::<u32>(vertices).map_err(|shortage| self.fault(element, shortage))?;
             return Ok((0..vertices as u32).collect());
         };
-        let elements = self.elements(accessor.value())?;
-        let unsigned =
-            matches!(elements.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
-        if elements.shape != Type::Scalar || !unsigned || elements.normalized {
-            return Err(self.error(
-                element,
-                format!("accessors[{accessor}] can't be indices: they are unsigned scalars"),
-            ));
-        }
-        let corners = elements.unsigned()?;
+        let corners = indices.unsigned()?;
         match corners.iter().position(|&v| v as usize >= vertices) {
             None => Ok(corners),
             Some(i) => Err(self.error(
                 format!("{element}.indices"),
                 format!(
-                    "index {} at {i} of accessors[{accessor}], but there are {vertices} vertices",
-                    corners[i]
+                    "index {} at {i} of {}, but there are {vertices} vertices",
+                    corners[i],
+                    indices.element()
                 ),
             )),
         }
