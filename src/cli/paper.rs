@@ -12,7 +12,6 @@ use crate::renderer::{self, Renderer};
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 
 /// Repeats on devices that are no CPU.

@@ -17,7 +17,6 @@ use crate::scene::{Environment, SceneProfile};
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -66,9 +65,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     reporter.stage("render", &name);
     let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
-    // What can't be written shows when the last picture is.
+    // What can't be written shows when the last picture is. A pipe would hold one behind the other.
+    let replaced: Vec<_> = outputs.iter().filter(|file| !output::is_stream(file)).collect();
     let show = |frame: &Frame| {
-        for file in &outputs {
+        for file in &replaced {
             if let Err(error) = picture::write(file, &origin, &config, frame) {
                 tracing::warn!("{error}");
             }
@@ -105,6 +105,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         reporter.note(&line);
     }
 
+    interrupt::finishing();
     reporter.stage("write", &name);
     let mut report = header(&config, &renderer, &profile, &frame, seen);
     if args.explain {
@@ -138,6 +139,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     }
     let mut economy = None;
     if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+        interrupt::heeded();
         reporter.stage("economy", &name);
         match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
             Ok(measured) => {

@@ -14,7 +14,6 @@ use crate::stress::{self, Options, report};
 use crate::vk::{self, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 
 const PAGE: &str = "index.html";

@@ -126,6 +126,10 @@ impl ReadPicture {
 /// The file cannot be read, or is not an OpenEXR file of pixels.
 pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
     let fail = |source| Error { file: file.into(), source };
+    // A pipe cannot be sought in, and opening one may never return.
+    if !file.metadata().map_err(fail)?.is_file() {
+        return Err(fail(io::Error::new(io::ErrorKind::InvalidInput, "is not a file")));
+    }
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image = image.all_attributes().from_file(file).map_err(|error| {
         fail(match error {

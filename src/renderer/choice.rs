@@ -5,10 +5,10 @@ use super::prepared::Prepared;
 use super::request::{BackendChoice, FrameRequest, RendererOptions};
 use super::submit::Renderer;
 use crate::config::RenderConfig;
+use crate::files;
 use crate::scene::{Scene, builtin};
 use crate::vk::{self, Backend, DeviceInfo, DeviceKind};
 use std::fmt;
-use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -78,7 +78,7 @@ impl fmt::Display for Timing {
 /// The timing that was made for this device and driver, if there is one.
 #[must_use]
 pub fn cached_timing(info: &DeviceInfo) -> Option<Timing> {
-    serde_json::from_slice(&fs::read(cache_file(info)?).ok()?).ok()
+    serde_json::from_slice(&files::read(&cache_file(info)?, 1 << 20).ok()?).ok()
 }
 
 /// The cached timing, or a new one on a built-in scene.
@@ -90,9 +90,7 @@ fn timing(device: &vk::Device) -> Result<Timing, Error> {
     if let Some(file) = cache_file(device.info()) {
         // A cache that cannot be written is only slower next time.
         let text = serde_json::to_vec(&timing).unwrap_or_default();
-        let beside = file.with_extension(std::process::id().to_string());
-        let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, &file));
-        if let Err(error) = written {
+        if let Err(error) = files::write_cache(&file, &text) {
             tracing::debug!("{}: {error}", file.display());
         }
     }
@@ -119,7 +117,6 @@ fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> {
 
 fn cache_file(info: &DeviceInfo) -> Option<PathBuf> {
     let folder = vk::cache_folder()?;
-    fs::create_dir_all(&folder).ok()?;
     Some(folder.join(format!(
         "backend-{}-{}-{}.json",
         info.uuid,
