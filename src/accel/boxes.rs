@@ -58,7 +58,7 @@ impl Boxes {
     /// again, the triangle clipped to the half before it is bounded anew.
     ///
     /// # Errors
-    /// [`Error::TooMany`] where splitting adds more than [`MAX_SPLIT_BOXES`].
+    /// [`Error::BoxSplit`] where splitting adds more than [`MAX_SPLIT_BOXES`].
     pub fn of(geometry: &Geometry, options: &BoxOptions) -> Result<Self, Error> {
         let limit = geometry.world_triangle_count() + MAX_SPLIT_BOXES;
         let mut boxes = Self::default();
@@ -93,12 +93,10 @@ fn split(vertices: [Vec3; 3], longest: f32, limit: u64, pieces: &mut Vec<Bounds>
         let middle = low * 0.5 + high * 0.5;
         // Neighbouring numbers have none between them.
         if high - low <= longest || middle <= low || middle >= high {
+            if pieces.len() as u64 == limit {
+                return Err(Error::BoxSplit { longest, limit });
+            }
             pieces.push(bounds);
-            super::at_most(
-                "bounding boxes of split triangles (raise box_split)",
-                pieces.len() as u64,
-                limit,
-            )?;
             continue;
         }
         let (mut below, mut above) = (bounds, bounds);
@@ -209,6 +207,9 @@ mod tests {
         let geometry = Geometry::of(&builtin::sphere(0, Vec3::ONE)).unwrap();
         let error =
             Boxes::of(&geometry, &BoxOptions { split: Some(1e-6), ..BoxOptions::default() }).unwrap_err();
-        assert!(matches!(error, Error::TooMany { .. }) && error.to_string().contains("box_split"), "{error}");
+        assert!(
+            matches!(error, Error::BoxSplit { .. }) && error.to_string().contains("box_split"),
+            "{error}"
+        );
     }
 }

@@ -134,18 +134,29 @@ pub enum Error {
         /// How many there may be.
         limit: u64,
     },
+    /// Triangles split into too many boxes.
+    #[error(
+        "box_split (--box-split): {longest} m is too short for this scene, more than {limit} boxes come of it"
+    )]
+    BoxSplit {
+        /// The longest edge of a box asked for (m).
+        longest: f32,
+        /// How many boxes there may be.
+        limit: u64,
+    },
     /// The device or its driver.
     #[error(transparent)]
     Vulkan(#[from] vk::Error),
 }
 
 impl Error {
-    /// What kind of failure this is: a scene past what the device holds is one of memory.
+    /// What kind of failure this is: a scene past what the device holds is one of memory, a setting past it is input.
     #[must_use]
     pub fn class(&self) -> ErrorClass {
         match self {
             Self::Vulkan(error) => error.class(),
             Self::TooLarge { .. } | Self::TooMany { .. } => ErrorClass::Memory,
+            Self::BoxSplit { .. } => ErrorClass::Input,
         }
     }
 }
