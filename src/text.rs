@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Most characters of a message; of a longer one the middle is left out.
 const LONGEST: usize = 4000;
@@ -9,8 +10,7 @@ const LONGEST: usize = 4000;
 /// What does not show, or makes the text around it show otherwise: control characters, ends of lines and paragraphs,
 /// embeddings, overrides and isolates of direction. What joins letters is none of these.
 fn moves(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// `text` with each character that would move a cursor, end a line or turn its direction written as Rust writes it:
@@ -19,15 +19,16 @@ pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(moves) {
         return text.into();
     }
-    text.chars().fold(String::new(), |mut out, c| {
-        match c {
-            '\t' | '\n' | '\r' => out.extend(c.escape_default()),
-            c if moves(c) => out.extend(c.escape_unicode()),
-            c => out.push(c),
-        }
-        out
-    })
-    .into()
+    text.chars()
+        .fold(String::new(), |mut out, c| {
+            match c {
+                '\t' | '\n' | '\r' => out.extend(c.escape_default()),
+                c if moves(c) => out.extend(c.escape_unicode()),
+                c => out.push(c),
+            }
+            out
+        })
+        .into()
 }
 
 /// [`printable`], line by line.
@@ -50,6 +51,22 @@ pub(crate) fn line(text: &str) -> String {
     printable(&shortened(text)).into_owned()
 }
 
+/// A path as a message names it.
+pub(crate) fn path(path: &Path) -> String {
+    line(&path.to_string_lossy())
+}
+
+/// A name in Markdown, where it stays text.
+pub(crate) fn markdown(text: &str) -> String {
+    line(text).chars().fold(String::new(), |mut out, c| {
+        if matches!(c, '\\' | '`' | '*' | '_' | '[' | ']' | '<' | '>' | '|' | '#' | '&' | '~') {
+            out.push('\\');
+        }
+        out.push(c);
+        out
+    })
+}
+
 /// At most some thousand characters: ends say more than what is between them.
 pub(crate) fn shortened(text: &str) -> Cow<'_, str> {
     // No longer in bytes, no longer in characters.
@@ -68,15 +85,16 @@ pub(crate) fn json(json: &str) -> Cow<'_, str> {
     if !json.contains(raw) {
         return json.into();
     }
-    json.chars().fold(String::with_capacity(json.len()), |mut out, c| {
-        if raw(c) {
-            let _ = write!(out, "\\u{:04x}", u32::from(c));
-        } else {
-            out.push(c);
-        }
-        out
-    })
-    .into()
+    json.chars()
+        .fold(String::with_capacity(json.len()), |mut out, c| {
+            if raw(c) {
+                let _ = write!(out, "\\u{:04x}", u32::from(c));
+            } else {
+                out.push(c);
+            }
+            out
+        })
+        .into()
 }
 
 #[cfg(test)]
@@ -94,6 +112,11 @@ mod tests {
         let whole = "Büro 👩\u{200d}👩\u{200d}👧 می\u{200c}خواهم C:\\new \"x\"";
         assert!(matches!(printable(whole), Cow::Borrowed(text) if text == whole));
         assert_eq!(printable_lines("a\tb\u{1b}\n\u{7}c\n"), "a\tb\\u{1b}\n\\u{7}c\n");
+    }
+
+    #[test]
+    fn names_in_markdown_stay_text() {
+        assert_eq!(markdown("a|b <i>*x*\n`"), "a\\|b \\<i\\>\\*x\\* \\\\n\\`");
     }
 
     #[test]

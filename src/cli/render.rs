@@ -14,6 +14,7 @@ use crate::output::{self, extension};
 use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, Preview, Renderer, RendererOptions, Resume};
 use crate::scene::{Environment, SceneProfile};
+use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
 use std::fmt::Write as _;
@@ -131,11 +132,12 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         }
         picture::write(file, &origin, &config, &frame)?;
         let what = content(file, &config, &frame);
-        let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
+        let _ = writeln!(report, "{}: {what}, {}", text::path(file), extent(&config));
     }
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
         output::write_exr(file, &picture::tapped(tap, layer))?;
-        let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
+        let _ =
+            writeln!(report, "{}: {}, {}x{}", text::path(file), text::line(tap), layer.width, layer.height);
     }
     let mut economy = None;
     if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
@@ -153,7 +155,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         let stats =
             stats(args, &config, &camera, &renderer, &profile, &frame, seen, &outputs, economy.as_ref());
         output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
-        let _ = writeln!(report, "{}: statistics", file.display());
+        let _ = writeln!(report, "{}: statistics", text::path(file));
     }
     drop(reporter);
     if !args.machine.quiet {
@@ -306,7 +308,7 @@ fn header(
     let lights = renderer.scene().lights.len();
     let mut text = format!(
         "scene: {}, {} triangles, {lights} light{}\n",
-        renderer.scene().name,
+        text::line(&renderer.scene().name),
         profile.triangles,
         if lights == 1 { "" } else { "s" },
     );
