@@ -223,8 +223,17 @@ fn remove_if_stale(path: &Path) {
 fn locks_reach_others(file: &File) -> bool {
     // 9P, AFS, BeeGFS, Ceph, FUSE, Lustre, NFS, SMB (three generations), VirtualBox (statfs(2), linux/magic.h).
     const NETWORK: [u64; 11] = [
-        0x0102_1997, 0x5346_414f, 0x1983_0326, 0x00c3_6400, 0x6573_5546, 0x0bd0_0bd0, 0x6969, 0x517b, 0xff53_4d42,
-        0xfe53_4d42, 0x786f_4256,
+        0x0102_1997,
+        0x5346_414f,
+        0x1983_0326,
+        0x00c3_6400,
+        0x6573_5546,
+        0x0bd0_0bd0,
+        0x6969,
+        0x517b,
+        0xff53_4d42,
+        0xfe53_4d42,
+        0x786f_4256,
     ];
     rustix::fs::fstatfs(file).is_ok_and(|about| !NETWORK.contains(&(about.f_type as u64 & 0xffff_ffff)))
 }
@@ -267,7 +276,10 @@ mod tests {
                 assert_eq!(fs::read(&target).unwrap(), text.as_bytes());
             }
             make(&target).unwrap().file().write_all(b"third").unwrap();
-            assert_eq!((fs::read(&target).unwrap(), names(folder.path())), (b"second".into(), vec!["a".into()]));
+            assert_eq!(
+                (fs::read(&target).unwrap(), names(folder.path())),
+                (b"second".into(), vec!["a".into()])
+            );
             fs::remove_file(&target).unwrap();
         }
     }
@@ -294,7 +306,13 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         // A process that lives and writes nothing: numbers are given out again.
         let dead = [format!(".parhelion-{}-7.tmp", std::process::id()), ".parhelion-4194304-0.tmp".into()];
-        let kept = ["a.tmp", ".parhelion-1-2.tmp.bak", ".parhelion-x-2.tmp", ".parhelion-1.tmp", "parhelion-1-2.tmp"];
+        let kept = [
+            "a.tmp",
+            ".parhelion-1-2.tmp.bak",
+            ".parhelion-x-2.tmp",
+            ".parhelion-1.tmp",
+            "parhelion-1-2.tmp",
+        ];
         dead.iter().map(String::as_str).chain(kept).for_each(|name| fs::write(path(name), "x").unwrap());
         fs::create_dir(path(".parhelion-1-3.tmp")).unwrap();
         std::os::unix::fs::symlink(path("a.tmp"), path(".parhelion-1-4.tmp")).unwrap();
