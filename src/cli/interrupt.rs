@@ -50,7 +50,8 @@ pub(super) fn listen() -> io::Result<()> {
             let first = !CANCEL.swap(true, Ordering::SeqCst);
             let heeds = STATE.load(Ordering::SeqCst) != AT_ONCE && writing() != Some(Writing::Stream);
             // Without a thread to watch the work is not waited for.
-            if !(first && heeds) || std::thread::Builder::new().name("patience".into()).spawn(watch).is_err() {
+            if !(first && heeds) || std::thread::Builder::new().name("patience".into()).spawn(watch).is_err()
+            {
                 end();
             }
         }
@@ -88,7 +89,8 @@ fn end() -> ! {
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 /// Elsewhere the system ends the program; files appear whole or not at all.

@@ -74,10 +74,7 @@ pub fn is_stream(file: &Path) -> bool {
 ///
 /// # Errors
 /// What `content` or the system says, with the file's name.
-pub fn write_file(
-    file: &Path,
-    content: impl FnOnce(&mut dyn Sink) -> io::Result<()>,
-) -> Result<(), Error> {
+pub fn write_file(file: &Path, content: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), Error> {
     let write = || match place(file)? {
         Place::Stream(target) => {
             let mut memory = Memory::default();
@@ -128,7 +125,10 @@ fn place(file: &Path) -> io::Result<Place> {
 fn check_stream(target: &Path) -> io::Result<()> {
     use std::os::unix::fs::FileTypeExt;
     if fs::metadata(target)?.file_type().is_socket() {
-        return Err(io::Error::new(io::ErrorKind::Unsupported, "is a socket, which no file can be written to"));
+        return Err(io::Error::new(
+            io::ErrorKind::Unsupported,
+            "is a socket, which no file can be written to",
+        ));
     }
     Ok(rustix::fs::access(target, rustix::fs::Access::WRITE_OK)?)
 }
