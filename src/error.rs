@@ -7,9 +7,9 @@ pub enum ErrorClass {
     Input,
     /// No device is there that can do what is asked.
     Device,
-    /// The device stopped answering.
+    /// The device stopped answering; another try may succeed.
     Lost,
-    /// The device has too little memory.
+    /// This machine or its device has too little memory; trying again will not help.
     Memory,
     /// The caller stopped it.
     Interrupted,

@@ -1,27 +1,13 @@
-//! Files on disk: read where they are files, and written so that they appear whole or not at all.
+//! Files on disk, written so that they appear whole or not at all.
 
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// Named files being written, so that a program that is told to stop can take them away.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-/// Reads a regular file of at most `most` bytes; a pipe, which may never end, a device or a folder is an error.
-pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let metadata = fs::metadata(path)?;
-    if !metadata.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not a file"));
-    }
-    let mut bytes = Vec::new();
-    File::open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most {
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("is longer than {most} bytes")));
-    }
-    Ok(bytes)
-}
 
 /// Writes what is only kept to save time: not to what is there and is no file.
 pub(crate) fn write_cache(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -328,17 +314,5 @@ mod tests {
         assert_eq!(names(folder.path()), expected, "each folder is looked at once");
         remove_if_stale(&path(".parhelion-1-5.tmp"));
         assert!(!path(".parhelion-1-5.tmp").exists());
-    }
-
-    #[test]
-    fn only_files_are_read_and_no_more_than_asked_for() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a");
-        fs::write(&file, "four").unwrap();
-        assert_eq!(read(&file, 4).unwrap(), b"four");
-        assert_eq!(read(&file, 3).unwrap_err().to_string(), "is longer than 3 bytes");
-        assert_eq!(read(folder.path(), 4).unwrap_err().to_string(), "is not a file");
-        #[cfg(unix)]
-        assert_eq!(read(Path::new("/dev/zero"), 4).unwrap_err().to_string(), "is not a file");
     }
 }

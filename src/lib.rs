@@ -19,12 +19,14 @@ pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
 mod layer;
+pub mod memory;
 pub mod methods;
 pub mod metrics;
 pub mod output;
 mod page;
 pub mod paper;
 pub mod picture;
+mod read;
 #[cfg(feature = "compile")]
 mod reflect;
 pub mod renderer;

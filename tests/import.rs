@@ -6,8 +6,8 @@ use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{
-    self, AlphaMode, Camera, Clearcoat, Environment, Filter, Instance, LightKind, LoadOptions, Material,
-    Mesh, Scene, SceneError, SceneProfile, View, Wrap,
+    self, AlphaMode, Camera, Clearcoat, Filter, Instance, LightKind, LoadOptions, Material, Mesh, Scene,
+    SceneError, SceneProfile, View, Wrap,
 };
 use parhelion::vk::{Backend, Device};
 use proptest::prelude::*;
@@ -939,7 +939,7 @@ fn scenes_are_chosen_by_name_or_index() {
     asset.push("scenes", json!({"name": "second", "nodes": [4]}));
     asset.push("scenes", json!({"name": "0", "nodes": [4]}));
     let name = |scene: Option<&str>| {
-        let options = LoadOptions { scene: scene.map(str::to_owned) };
+        let options = LoadOptions { scene: scene.map(str::to_owned), ..LoadOptions::default() };
         asset.load_as(&options).map(|scene| scene.instances[0].name.clone())
     };
     assert_eq!(name(None).unwrap(), "mesh 0");
@@ -1225,67 +1225,6 @@ fn tangents_come_from_the_file_or_from_the_texture_coordinates() {
     // No normal map, no tangents.
     let plain = square().load().unwrap();
     assert!(plain.meshes[0].tangents.is_empty());
-}
-
-#[test]
-fn environments_load_or_say_why_not() {
-    use parhelion::output::{Channels, Picture, write_exr};
-    let folder = tempfile::tempdir().unwrap();
-    let exr = |name: &str, names: &[&str], data: &[f32]| {
-        let file = folder.path().join(name);
-        let channels = vec![Channels { names: names.iter().map(ToString::to_string).collect(), data }];
-        let size = [2, (data.len() / names.len() / 2) as u32];
-        let picture = Picture { size, window: [0, 0, 2, size[1]], channels, attributes: Vec::new() };
-        write_exr(&file, &picture).unwrap();
-        file
-    };
-    let rgb = ["R", "G", "B"];
-    let good = Environment::load(&exr("good.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])).unwrap();
-    assert_eq!((good.width, good.height), (2, 1));
-    assert_eq!(good.texels, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0)]);
-    let grey = Environment::load(&exr("grey.exr", &["Y"], &[7.0, 8.0])).unwrap();
-    assert_eq!(grey.texels, [Vec3::splat(7.0), Vec3::splat(8.0)]);
-
-    // Radiance's shared exponent, without run lengths: 2 × 1 texels of (1, 0.5, 0) and (64, 128, 0).
-    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
-    bytes.extend([128, 64, 0, 129, 64, 128, 0, 136]);
-    let file = write(folder.path(), "sky.hdr", &bytes);
-    let sky = Environment::load(&file).unwrap();
-    assert_eq!(sky.texels, [Vec3::new(1.0, 0.5, 0.0), Vec3::new(64.0, 128.0, 0.0)]);
-
-    // +X in the middle, −X at both edges; +Z right of the middle.
-    let around = Environment {
-        name: "around".into(),
-        width: 4,
-        height: 1,
-        texels: [1.0, 2.0, 3.0, 4.0].map(Vec3::splat).to_vec(),
-    };
-    let at = |direction: Vec3| around.radiance(direction).x;
-    assert!((at(Vec3::X) - 2.5).abs() < 1e-6 && (at(Vec3::NEG_X) - 2.5).abs() < 1e-6);
-    assert!((at(Vec3::Z) - 3.5).abs() < 1e-6 && (at(Vec3::NEG_Z) - 1.5).abs() < 1e-6);
-
-    let fails = |file: &Path, words: &[&str]| {
-        let error = Environment::load(file).expect_err("it is broken").to_string();
-        for word in [file.to_str().unwrap(), "environment"].iter().chain(words) {
-            assert!(error.contains(word), "`{error}` lacks `{word}`");
-        }
-    };
-    fails(&exr("nan.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, f32::NAN, 6.0]), &["texel (1, 0)", "not finite"]);
-    fails(&exr("inf.exr", &rgb, &[1.0, 2.0, f32::INFINITY, 4.0, 5.0, 6.0]), &["texel (0, 0)", "not finite"]);
-    fails(&exr("minus.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, 5.0, -6.0]), &["texel (1, 0)", "negative"]);
-    fails(&exr("depth.exr", &["Z"], &[1.0, 2.0]), &["channels"]);
-    fails(&write(folder.path(), "cut.hdr", &bytes[..bytes.len() - 4]), &["can't be decoded"]);
-    fails(&write(folder.path(), "cut.exr", b"v/1"), &["can't be decoded"]);
-    let huge = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16000 +X 16000\n";
-    fails(&write(folder.path(), "huge.hdr", huge), &["16000×16000"]);
-    fails(&write(folder.path(), "sky.png", &bytes), &["neither .exr nor .hdr"]);
-    fails(&folder.path().join("absent.exr"), &["can't be read"]);
-
-    let mut scene = square().load().unwrap();
-    scene.environment = Some(Environment::constant(Vec3::ONE));
-    assert!(scene.validate().is_ok() && SceneProfile::of(&scene, 0.1).environment);
-    scene.environment = Some(Environment::constant(Vec3::NEG_ONE));
-    assert_eq!(scene.validate().unwrap_err().element, "environment");
 }
 
 #[test]
@@ -1917,7 +1856,7 @@ fn broken_obj_files_have_one_error() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "room.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    let options = LoadOptions { scene: Some("attic".into()) };
+    let options = LoadOptions { scene: Some("attic".into()), ..LoadOptions::default() };
     expect("scene of an OBJ", scene::load(&path, &options), "room.obj", "scenes", &["attic"]);
 }
 

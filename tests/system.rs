@@ -439,7 +439,7 @@ fn settings_that_the_scene_cannot_bear_are_usage() {
         let output = folder.run(&small(&["--visibility", "boxes", "--box-split", split]));
         let [_, message] = words(&output);
         assert_eq!(output.status.code(), Some(2), "{message}");
-        assert!(message.contains("--box-split") && message.lines().count() == 1, "{message}");
+        assert!(message.contains("box_split") && message.lines().count() == 1, "{message}");
     }
 }
 

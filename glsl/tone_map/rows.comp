@@ -14,7 +14,7 @@ void main() {
     vec2 sum = vec2(0.0);
     for (uint x = thread; x < uint(size.x); x += THREADS) {
         float luminance = dot(imageLoad(radiance, ivec2(x, row)).rgb, vec3(0.2126, 0.7152, 0.0722));
-        if (luminance > 0.0) sum += vec2(log2(luminance), 1.0);
+        if (luminance > 0.0 && luminance <= 3.4e38) sum += vec2(log2(luminance), 1.0);
     }
     partial[thread] = sum;
     for (uint half_width = THREADS / 2u; half_width > 0u; half_width /= 2u) {

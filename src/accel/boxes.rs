@@ -58,9 +58,13 @@ impl Boxes {
     /// again, the triangle clipped to the half before it is bounded anew.
     ///
     /// # Errors
-    /// [`Error::BoxSplit`] where splitting adds more than [`MAX_SPLIT_BOXES`].
+    /// [`Error::TooFine`] where splitting adds more than [`MAX_SPLIT_BOXES`], [`Error::NoRoom`] if the host's memory can't
+    /// hold them.
     pub fn of(geometry: &Geometry, options: &BoxOptions) -> Result<Self, Error> {
         let limit = geometry.world_triangle_count() + MAX_SPLIT_BOXES;
+        // Twice while an array grows.
+        let most = if options.split.is_some() { limit } else { geometry.world_triangle_count() };
+        super::room("triangles' boxes", most, 2 * size_of::<(Bounds, [f32; 4])>() as u64)?;
         let mut boxes = Self::default();
         let blocks = |triangle: &WorldTriangle| {
             (options.panes || !triangle.blocks.pane) && super::has_area(triangle.vertices)
@@ -93,10 +97,10 @@ fn split(vertices: [Vec3; 3], longest: f32, limit: u64, pieces: &mut Vec<Bounds>
         let middle = low * 0.5 + high * 0.5;
         // Neighbouring numbers have none between them.
         if high - low <= longest || middle <= low || middle >= high {
-            if pieces.len() as u64 == limit {
-                return Err(Error::BoxSplit { longest, limit });
-            }
             pieces.push(bounds);
+            if pieces.len() as u64 > limit {
+                return Err(Error::TooFine { longest, limit });
+            }
             continue;
         }
         let (mut below, mut above) = (bounds, bounds);
@@ -207,9 +211,6 @@ mod tests {
         let geometry = Geometry::of(&builtin::sphere(0, Vec3::ONE)).unwrap();
         let error =
             Boxes::of(&geometry, &BoxOptions { split: Some(1e-6), ..BoxOptions::default() }).unwrap_err();
-        assert!(
-            matches!(error, Error::BoxSplit { .. }) && error.to_string().contains("box_split"),
-            "{error}"
-        );
+        assert!(matches!(error, Error::TooFine { .. }) && error.to_string().contains("box_split"), "{error}");
     }
 }

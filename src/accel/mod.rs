@@ -21,6 +21,7 @@ pub use report::StructureReport;
 pub use structure::Structure;
 
 use crate::ErrorClass;
+use crate::memory::{Budget, Shortage};
 use crate::scene::{AlphaMode, Material, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
@@ -124,6 +125,24 @@ pub enum Error {
         /// What the caller allowed.
         available: u64,
     },
+    /// The host has no room to build a structure.
+    #[error("a structure over the scene's {count} {what}, all instances counted, {shortage}")]
+    NoRoom {
+        /// Plural noun.
+        what: &'static str,
+        /// How many there are.
+        count: u64,
+        /// What that takes, and what is left.
+        shortage: Shortage,
+    },
+    /// Triangles would be split into too many boxes.
+    #[error("triangles split at {longest} m make more than {limit} boxes; raise indirect.box_split")]
+    TooFine {
+        /// Longest side of a box (m).
+        longest: f32,
+        /// How many boxes there may be.
+        limit: u64,
+    },
     /// More than an index of 32 bits, or the device, can name.
     #[error("the scene has {count} {what}; at most {limit} can be traced")]
     TooMany {
@@ -134,31 +153,27 @@ pub enum Error {
         /// How many there may be.
         limit: u64,
     },
-    /// Triangles split into too many boxes.
-    #[error(
-        "box_split (--box-split): {longest} m is too short for this scene, more than {limit} boxes come of it"
-    )]
-    BoxSplit {
-        /// The longest edge of a box asked for (m).
-        longest: f32,
-        /// How many boxes there may be.
-        limit: u64,
-    },
     /// The device or its driver.
     #[error(transparent)]
     Vulkan(#[from] vk::Error),
 }
 
 impl Error {
-    /// What kind of failure this is: a scene past what the device holds is one of memory, a setting past it is input.
+    /// What kind of failure this is: a scene past what the device holds is one of memory.
     #[must_use]
     pub fn class(&self) -> ErrorClass {
         match self {
             Self::Vulkan(error) => error.class(),
-            Self::TooLarge { .. } | Self::TooMany { .. } => ErrorClass::Memory,
-            Self::BoxSplit { .. } => ErrorClass::Input,
+            Self::TooFine { .. } => ErrorClass::Input,
+            Self::TooLarge { .. } | Self::NoRoom { .. } | Self::TooMany { .. } => ErrorClass::Memory,
         }
     }
+}
+
+/// Refuses to build over so many things, each of which takes so many bytes of the host's memory on the way.
+fn room(what: &'static str, count: u64, bytes: u64) -> Result<(), Error> {
+    let taken = Budget::of_process().take(count.saturating_mul(bytes));
+    taken.map_err(|shortage| Error::NoRoom { what, count, shortage })
 }
 
 /// The world position of `point` under a placement: the one place that decides how it is rounded.

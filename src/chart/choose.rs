@@ -11,6 +11,7 @@ use crate::config::{ConfigError, RenderConfig};
 use crate::files;
 use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
+use crate::read;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::Camera;
 use crate::vk::{self, DeviceKind};
@@ -164,7 +165,7 @@ impl Front {
     /// The front that a chart or probe left behind for this scene, camera, size, device and backend.
     #[must_use]
     pub fn cached(renderer: &Renderer, camera: &Camera, size: [u32; 2]) -> Option<Self> {
-        serde_json::from_slice(&files::read(&cache_file(renderer, camera, size)?, 1 << 28).ok()?).ok()
+        serde_json::from_slice(&read::regular(&cache_file(renderer, camera, size)?, read::RESULTS).ok()?).ok()
     }
 
     /// Leaves the front for [`Front::cached`].

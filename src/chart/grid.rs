@@ -21,6 +21,7 @@
 use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods::{REGISTRY, Sweeps};
+use crate::read;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -119,7 +120,8 @@ pub fn settings(grid: &str, base: &RenderConfig) -> Result<Vec<Setting>, GridErr
             Err(fail(format!("no such grid; there are {}, and files (.toml)", names.join(", "))))
         }
         None => {
-            let text = std::fs::read_to_string(grid).map_err(|error| fail(error.to_string()))?;
+            let text =
+                read::text(Path::new(grid), read::SETTINGS).map_err(|error| fail(error.to_string()))?;
             parse(&text, base).map_err(fail)
         }
     }

@@ -3,9 +3,10 @@
 use super::data::PassTime;
 use crate::config::RenderConfig;
 use crate::output;
+use crate::read;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -49,7 +50,7 @@ impl Journal {
     /// The outer error is the system's; the inner one says what there is that does not belong with `header`.
     pub(super) fn open(path: &Path, header: &Header) -> Result<Result<Self, String>, output::Error> {
         let fail = |source| output::Error { file: path.into(), source };
-        let text = match fs::read_to_string(path) {
+        let text = match read::text(path, read::RESULTS) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(error) => return Err(fail(error)),
@@ -118,6 +119,7 @@ impl Header {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn header() -> Header {
         let text = |text: &str| text.to_owned();

@@ -11,6 +11,7 @@ use crate::config::RenderConfig;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, Channels, Picture, magma};
 use crate::page;
+use crate::read;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::{Camera, Feature, SceneProfile};
 use std::collections::BTreeMap;
@@ -447,7 +448,7 @@ fn write(sweep: &Sweep<'_>, chart: &Chart) -> Result<(), Error> {
     output::write_file(&csv, |out| out.write_all(table::csv(chart).as_bytes()))?;
     let keys = chart.points.iter().flat_map(|point| [&point.image, &point.error_image]);
     let image = |key: &String| {
-        let bytes = fs::read(sweep.folder.join(key)).ok()?;
+        let bytes = read::regular(&sweep.folder.join(key), read::RESULTS).ok()?;
         Some((key.clone(), page::data_url("image/jpeg", &bytes)))
     };
     let images = keys.chain([&chart.reference.image]).filter_map(image).collect();

@@ -65,11 +65,29 @@ pub(super) enum Command {
     Completions(Completions),
 }
 
+/// Which scene, and how it is read.
+#[derive(clap::Args)]
+pub(super) struct SceneFile {
+    /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
+    pub(super) scene: Option<PathBuf>,
+    /// Scene of a file that holds several, by name or index [default: the one that the file names].
+    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE, hide_short_help = true)]
+    pub(super) which: Option<String>,
+    /// Folder that files of the scene may lie in beside its own; repeatable.
+    ///
+    /// Nothing else is read, whatever paths and links in the scene say.
+    #[arg(long, value_name = "DIR", help_heading = SCENE, hide_short_help = true)]
+    pub(super) root: Vec<PathBuf>,
+    /// Refuse a scene with defects that are mended and noted otherwise, such as missing materials.
+    #[arg(long, help_heading = SCENE, hide_short_help = true)]
+    pub(super) strict: bool,
+}
+
 /// What every command that renders is asked of the scene.
 #[derive(clap::Args)]
 pub(super) struct Common {
-    /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
-    pub(super) scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) file: SceneFile,
     /// Camera of the scene, by name or index [default: the first].
     #[arg(long, value_name = "NAME|INDEX", help_heading = SCENE)]
     pub(super) camera: Option<String>,
@@ -82,9 +100,6 @@ pub(super) struct Common {
     /// Vertical field of view of the camera of --eye (degrees) [default: 45].
     #[arg(long, value_name = "DEG", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
     pub(super) fov: Option<f32>,
-    /// Scene of a file that holds several, by name or index [default: the one that the file names].
-    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE, hide_short_help = true)]
-    pub(super) which: Option<String>,
     /// Leave a scene without lights dark; otherwise a light is put at the camera.
     #[arg(long, help_heading = SCENE, hide_short_help = true)]
     pub(super) no_headlight: bool,
@@ -463,8 +478,8 @@ pub(super) struct Doctor {
 
 #[derive(clap::Args)]
 pub(super) struct Graph {
-    /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
-    pub(super) scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) file: SceneFile,
     /// Method whose frame is shown [default: igi].
     #[arg(long, help_heading = LIGHT, value_parser = methods())]
     pub(super) method: Option<String>,

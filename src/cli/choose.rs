@@ -9,6 +9,7 @@ use crate::chart::data::{Chart, SCHEMA};
 use crate::chart::{grid, reference};
 use crate::config::RenderConfig;
 use crate::metrics;
+use crate::read;
 use crate::renderer::{Frame, Progress, Renderer};
 use crate::scene::Camera;
 use std::path::Path;
@@ -80,8 +81,9 @@ fn given(
     reporter: &Reporter,
 ) -> Result<Front, Failure> {
     let name = file.display();
-    let text = std::fs::read(file).map_err(|error| input!("--front: {name}: {error}"))?;
-    let chart: Chart = serde_json::from_slice(&text).map_err(|error| input!("--front: {name}: {error}"))?;
+    let text = read::at_most(file, read::RESULTS).map_err(|error| input!("--front: {name}: {error}"))?;
+    let chart: Chart = serde_json::from_slice(read::without_mark(&text))
+        .map_err(|error| input!("--front: {name}: {error}"))?;
     if chart.schema != SCHEMA {
         return Err(input!("--front: {name}: its schema is {}, not {SCHEMA}", chart.schema));
     }

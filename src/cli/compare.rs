@@ -85,7 +85,10 @@ fn exact(args: &Compare, image: &ReadPicture, reference: &ReadPicture) -> Result
 }
 
 fn read(file: &Path) -> Result<ReadPicture, Failure> {
-    output::read_exr(file).map_err(Failure::input)
+    output::read_exr(file).map_err(|error| match error.class() {
+        ErrorClass::Memory => error.into(),
+        _ => Failure::input(error),
+    })
 }
 
 /// The channels of a layer in order, or of the picture itself.

@@ -24,7 +24,8 @@ pub(super) const fn exit_code(class: ErrorClass) -> u8 {
     match class {
         ErrorClass::Input => 2,
         ErrorClass::Device => 3,
-        ErrorClass::Lost | ErrorClass::Memory => 75,
+        ErrorClass::Lost => 75,
+        ErrorClass::Memory => 71,
         ErrorClass::Interrupted => 130,
         ErrorClass::Other => 1,
     }
@@ -89,7 +90,7 @@ mod tests {
                     .into(),
                 75,
             ),
-            (vk::Error::OutOfDeviceMemory { what: word(), bytes: 2, available: 1 }.into(), 75),
+            (vk::Error::OutOfDeviceMemory { what: word(), bytes: 2, available: 1 }.into(), 71),
             (renderer::Error::Cancelled.into(), 130),
             (output::Error { file: "a.exr".into(), source: source() }.into(), 1),
             (source().into(), 1),

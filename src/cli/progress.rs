@@ -85,6 +85,14 @@ impl Reporter {
         }
     }
 
+    /// Says, even to a user who wants errors only, what makes a result doubtful.
+    pub(super) fn warning(&self, warning: &str) {
+        match self.json {
+            true => line(&serde_json::json!({ "warning": warning }).to_string()),
+            false => line(&format!("warning: {warning}")),
+        }
+    }
+
     /// Says something once that the user should know.
     pub(super) fn note(&self, note: &str) {
         match (self.quiet, self.json) {

@@ -13,7 +13,7 @@ use crate::denoise::Denoiser;
 use crate::output::{self, extension};
 use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, Preview, Renderer, RendererOptions, Resume};
-use crate::scene::{Environment, SceneProfile};
+use crate::scene::{Environment, LoadOptions, MAX_RADIANCE, SceneProfile};
 use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
@@ -34,7 +34,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let reporter = Reporter::new(&args.machine);
 
     let name = scene::name(&args.common);
-    let environment = args.environment.as_deref().map(environment).transpose()?;
+    let environment = match &args.environment {
+        Some(word) => Some(environment(word, &args.common.file.options(), &reporter)?),
+        None => None,
+    };
     let roughness = config.whitted.mirror_roughness;
     let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
@@ -106,6 +109,17 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         reporter.note(&line);
     }
 
+    let not_finite = match renderer.not_finite(&config, &camera, &frame) {
+        Ok(not_finite) => not_finite,
+        Err(error) => {
+            failed = failed.or(Some(error));
+            None
+        }
+    };
+    if let Some(not_finite) = &not_finite {
+        reporter.warning(&not_finite.line());
+    }
+
     interrupt::finishing();
     reporter.stage("write", &name);
     let mut report = header(&config, &renderer, &profile, &frame, seen);
@@ -152,8 +166,18 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         }
     }
     if let Some(file) = &args.stats {
-        let stats =
-            stats(args, &config, &camera, &renderer, &profile, &frame, seen, &outputs, economy.as_ref());
+        let stats = stats(
+            args,
+            &config,
+            &camera,
+            &renderer,
+            &profile,
+            &frame,
+            seen,
+            not_finite.as_ref(),
+            &outputs,
+            economy.as_ref(),
+        );
         output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
         let _ = writeln!(report, "{}: statistics", text::path(file));
     }
@@ -209,14 +233,22 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
 }
 
 /// A file, or three numbers.
-fn environment(word: &str) -> Result<Environment, Failure> {
+fn environment(word: &str, options: &LoadOptions, reporter: &Reporter) -> Result<Environment, Failure> {
     let numbers: Option<Vec<f32>> = word.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[r, g, b]) if [r, g, b].iter().all(|v| v.is_finite() && *v >= 0.0) => {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) => {
             Ok(Environment::constant(Vec3::new(r, g, b)))
         }
-        Some(_) => Err(input!("--environment: `{word}` is not three numbers of at least 0")),
-        None => Environment::load(Path::new(word)).map_err(|error| input!("--environment: {error}")),
+        Some(_) => Err(input!(
+            "--environment: `{word}` is not three numbers of at least 0 and at most {MAX_RADIANCE:e}"
+        )),
+        None => {
+            let (environment, notes) = Environment::load(Path::new(word), options).map_err(|error| {
+                Failure { class: error.class(), error: anyhow::anyhow!("--environment: {error}") }
+            })?;
+            notes.iter().for_each(|note| reporter.note(note));
+            Ok(environment)
+        }
     }
 }
 

@@ -1,30 +1,36 @@
 //! The scene and the camera that a command is asked for.
 
-use super::args::Common;
+use super::args::{Common, SceneFile};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
-use crate::scene::{self, Camera, Environment, LoadOptions, Scene, SceneProfile, builtin};
+use crate::scene::{self, Camera, Environment, FRAMED, LoadOptions, Scene, SceneProfile, builtin};
 use std::ffi::OsString;
 use std::path::Path;
 
 /// What to call the scene while it is not loaded.
 pub(super) fn name(args: &Common) -> String {
-    args.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string())
+    args.file.scene.as_ref().map_or(builtin::DEFAULT.into(), |scene| scene.display().to_string())
 }
 
 /// What names of outputs begin with where none are given.
 pub(super) fn stem(args: &Common) -> OsString {
-    let scene = args.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
+    let scene = args.file.scene.as_deref().unwrap_or(Path::new(builtin::DEFAULT));
     let builtin = scene.to_str().and_then(|name| name.strip_prefix("builtin:")).map(Path::new);
     let scene = builtin.unwrap_or(scene);
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
 }
 
 /// Loads the scene asked for, or the default room.
-pub(super) fn read(scene: Option<&Path>, which: Option<String>) -> Result<Scene, Failure> {
+pub(super) fn read(file: &SceneFile) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
-    let path = scene.unwrap_or(Path::new(&default));
-    Ok(scene::load(path, &LoadOptions { scene: which })?)
+    let path = file.scene.as_deref().unwrap_or(Path::new(&default));
+    Ok(scene::load(path, &file.options())?)
+}
+
+impl SceneFile {
+    pub(super) fn options(&self) -> LoadOptions {
+        LoadOptions { scene: self.which.clone(), strict: self.strict, roots: self.root.clone() }
+    }
 }
 
 /// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
@@ -35,8 +41,11 @@ pub(super) fn load(
     reporter: &Reporter,
 ) -> Result<(Scene, Camera), Failure> {
     reporter.stage("load", &name(args));
-    let mut scene = read(args.scene.as_deref(), args.which.clone())?;
+    let mut scene = read(&args.file)?;
     let camera = camera(args, &scene)?;
+    if args.eye.is_some() {
+        scene.notes.retain(|note| note != FRAMED);
+    }
     scene.environment = environment.or(scene.environment);
     let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
     if scene.lights.is_empty() && !args.no_headlight && !shines(&scene) {
@@ -67,11 +76,9 @@ fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
         .or_else(|| named(&|name| name.to_lowercase() == word.to_lowercase()));
     found.cloned().ok_or_else(|| {
         let cameras = scene.cameras.iter().enumerate().map(|(i, camera)| match &camera.camera_name {
-            Some(name) if *name != camera.name => format!("{i}: {} ({name})", camera.name),
-            _ => format!("{i}: {}", camera.name),
+            Some(name) if *name != camera.name => format!("{i} is `{}` (`{name}`)", camera.name),
+            _ => format!("{i} is `{}`", camera.name),
         });
-        let cameras: Vec<_> = cameras.collect();
-        let there = if cameras.is_empty() { "is none".into() } else { format!("are {}", cameras.join(", ")) };
-        input!("--camera: no camera `{word}`; there {there}")
+        input!("--camera: no camera `{word}`; number {}", cameras.collect::<Vec<_>>().join(", "))
     })
 }

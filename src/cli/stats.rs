@@ -3,7 +3,7 @@
 use super::args::Render;
 use super::economy::Economy;
 use crate::config::RenderConfig;
-use crate::renderer::{Frame, Renderer};
+use crate::renderer::{Frame, NotFinite, Renderer};
 use crate::scene::{Camera, SceneProfile, View};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
@@ -19,6 +19,7 @@ pub(super) fn stats(
     profile: &SceneProfile,
     frame: &Frame,
     paths_seen: Option<f64>,
+    not_finite: Option<&NotFinite>,
     outputs: &[PathBuf],
     economy: Option<&Economy>,
 ) -> Value {
@@ -61,6 +62,7 @@ pub(super) fn stats(
         "min_distance": frame.min_distance,
         "samples": frame.samples,
         "noise": frame.noise,
+        "not_finite": not_finite,
         "regathered": frame.regathered,
         "denoised": frame.denoised.as_ref().map(|denoised| json!({ "by": denoised.by, "ms": denoised.ms })),
         "exposure_ev": frame.exposure_ev,

@@ -10,11 +10,12 @@ use crate::ErrorClass;
 use crate::chart::data::Chart;
 use crate::chart::{data, grid, picture};
 use crate::config::RenderConfig;
+use crate::read;
 use crate::stress::data::{self as stress, Stress};
 use image::imageops::{self, FilterType};
 use serde::de::DeserializeOwned;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 /// Widest a picture of the page is (pixels); larger ones are shrunk.
 pub const WIDEST: u32 = 320;
@@ -95,7 +96,7 @@ fn json<T: DeserializeOwned>(
     schema: u32,
 ) -> Result<(PathBuf, T), Error> {
     let file = folder.join(name);
-    let bytes = match fs::read(&file) {
+    let bytes = match read::regular(&file, read::RESULTS) {
         Ok(bytes) => bytes,
         Err(source) => return Err(Error::Read { file, folder: folder.into(), command, source }),
     };
@@ -115,7 +116,7 @@ fn json<T: DeserializeOwned>(
 /// A chart's picture, at most [`WIDEST`] pixels wide.
 fn small(folder: &Path, key: &str, [width, height]: [u32; 2]) -> Result<Vec<u8>, Error> {
     let file = folder.join(key);
-    let bytes = match fs::read(&file) {
+    let bytes = match read::regular(&file, read::RESULTS) {
         Ok(bytes) => bytes,
         Err(source) => return Err(Error::Read { file, folder: folder.into(), command: "chart", source }),
     };

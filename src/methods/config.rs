@@ -5,6 +5,7 @@
 
 use super::{Own, REGISTRY, registry};
 use crate::ErrorClass;
+use crate::read;
 use crate::techniques::setting::{BadValue, Settings, within};
 use crate::techniques::{
     glare::GlareConfig, indirect::IndirectConfig, path_trace::PathTraceConfig, tone_map::ToneMapConfig,
@@ -179,7 +180,7 @@ impl RenderConfig {
     /// # Errors
     /// As for [`Self::from_toml`]; then nothing changes.
     pub fn apply_toml(&mut self, file: &Path) -> Result<(), ConfigError> {
-        let text = std::fs::read_to_string(file)
+        let text = read::text(file, read::SETTINGS)
             .map_err(|source| ConfigError::Read { file: file.into(), source })?;
         let fail = |problem: String| ConfigError::File { file: file.into(), problem };
         let mut change: Table = text.parse().map_err(|error: toml::de::Error| fail(syntax(&text, &error)))?;

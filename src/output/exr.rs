@@ -1,4 +1,5 @@
 use super::{Error, write_file};
+use crate::memory::Budget;
 use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer};
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
@@ -130,13 +131,12 @@ pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
     if !file.metadata().map_err(fail)?.is_file() {
         return Err(fail(io::Error::new(io::ErrorKind::InvalidInput, "is not a file")));
     }
+    let meta = exr::meta::MetaData::read_from_file(file, false).map_err(|error| fail(io_error(error)))?;
+    // Once more as 32-bit floats.
+    let room = Budget::of_process().take(crate::read::exr_bytes(&meta).saturating_mul(3));
+    room.map_err(|shortage| fail(io::Error::new(io::ErrorKind::OutOfMemory, shortage)))?;
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = image.all_attributes().from_file(file).map_err(|error| {
-        fail(match error {
-            exr::error::Error::Io(error) => error,
-            other => io::Error::new(io::ErrorKind::InvalidData, other.to_string()),
-        })
-    })?;
+    let image = image.all_attributes().from_file(file).map_err(|error| fail(io_error(error)))?;
     let layer = &image.layer_data;
     let display = image.attributes.display_window.size;
     let (Vec2(x, y), Vec2(width, height)) = (layer.attributes.layer_position, layer.size);
@@ -158,6 +158,13 @@ pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
             .collect(),
         attributes: attributes.collect(),
     })
+}
+
+fn io_error(error: exr::error::Error) -> io::Error {
+    match error {
+        exr::error::Error::Io(error) => error,
+        other => io::Error::new(io::ErrorKind::InvalidData, other.to_string()),
+    }
 }
 
 /// OpenEXR's strings are bytes; UTF-8 passes through.

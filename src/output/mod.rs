@@ -30,9 +30,12 @@ pub struct Error {
 }
 
 impl Error {
-    /// What kind of failure this is: none that the input is known to be the cause of.
+    /// What kind of failure this is: too little memory, or none that the input is known to be the cause of.
     #[must_use]
     pub fn class(&self) -> ErrorClass {
-        ErrorClass::Other
+        match self.source.kind() {
+            std::io::ErrorKind::OutOfMemory => ErrorClass::Memory,
+            _ => ErrorClass::Other,
+        }
     }
 }

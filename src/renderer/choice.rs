@@ -6,6 +6,7 @@ use super::request::{BackendChoice, FrameRequest, RendererOptions};
 use super::submit::Renderer;
 use crate::config::RenderConfig;
 use crate::files;
+use crate::read;
 use crate::scene::{Scene, builtin};
 use crate::vk::{self, Backend, DeviceInfo, DeviceKind};
 use std::fmt;
@@ -78,7 +79,7 @@ impl fmt::Display for Timing {
 /// The timing that was made for this device and driver, if there is one.
 #[must_use]
 pub fn cached_timing(info: &DeviceInfo) -> Option<Timing> {
-    serde_json::from_slice(&files::read(&cache_file(info)?, 1 << 20).ok()?).ok()
+    serde_json::from_slice(&read::regular(&cache_file(info)?, read::SETTINGS).ok()?).ok()
 }
 
 /// The cached timing, or a new one on a built-in scene.

@@ -1,6 +1,7 @@
 //! What can go wrong between a scene and its picture.
 
 use crate::ErrorClass;
+use crate::memory::Shortage;
 use crate::methods::NoLayer;
 use crate::scene::SceneError;
 use crate::{accel, denoise, graph, vk};
@@ -44,6 +45,16 @@ pub enum Error {
     /// The picture cannot be denoised.
     #[error(transparent)]
     Denoise(#[from] denoise::Error),
+    /// The host has no room for the picture.
+    #[error("a picture of {width}x{height} pixels with its layers {shortage}")]
+    NoRoom {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// What that takes, and what is left.
+        shortage: Shortage,
+    },
     /// Stopped by the caller.
     #[error("interrupted")]
     Cancelled,
@@ -62,6 +73,7 @@ impl Error {
             Self::Config(error) => error.class(),
             Self::Layer(error) => error.class(),
             Self::Resume(_) | Self::SoftwareOnly { .. } => ErrorClass::Input,
+            Self::NoRoom { .. } => ErrorClass::Memory,
             Self::NoRayQuery { .. } => ErrorClass::Device,
             Self::Cancelled => ErrorClass::Interrupted,
         }

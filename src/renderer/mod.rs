@@ -7,6 +7,7 @@
 mod choice;
 mod drawing;
 mod error;
+mod finite;
 mod frame;
 mod growing;
 mod measure;
@@ -23,6 +24,7 @@ pub use crate::layer::Layer;
 pub use crate::methods::Aov;
 pub use choice::{Timing, cached_timing};
 pub use error::Error;
+pub use finite::NotFinite;
 pub use frame::{Denoised, Frame, PassStats};
 pub use growing::noise;
 pub use plan::plan;

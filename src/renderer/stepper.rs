@@ -10,6 +10,7 @@ use super::times::Tally;
 use super::window::Window;
 use crate::config::RenderConfig;
 use crate::graph::{Graph, Image, InFlight, Res, RunOptions, Tap, Ticket};
+use crate::memory::Budget;
 use crate::methods::{Aov, FrameInfo};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Feature};
@@ -131,6 +132,17 @@ impl fmt::Debug for Stepper {
     }
 }
 
+/// Refuses a picture that the host has no room for: texels as the device has them and numbers as they are kept, of beauty
+/// and `layers` more, and what a screen shows.
+fn room([width, height]: [u32; 2], layers: usize) -> Result<(), Error> {
+    let bytes = u64::from(width) * u64::from(height) * (28 * (1 + layers as u64) + 4);
+    // To ask takes as long as a small frame.
+    if bytes < 64 << 20 {
+        return Ok(());
+    }
+    Budget::of_process().take(bytes).map_err(|shortage| Error::NoRoom { width, height, shortage })
+}
+
 impl Stepper {
     /// Prepares to draw beauty and `layers`; nothing is drawn yet.
     ///
@@ -157,6 +169,7 @@ impl Stepper {
         config.method.check_layers(config, &layers)?;
         renderer.serve(config)?;
         let window = Window::of(config);
+        room(window.extent, layers.len() + request.taps.len())?;
         let device = renderer.device();
         let images = match &config.method.progressive {
             Some(method) => {

@@ -1,5 +1,8 @@
-use super::limits::{Checked, MAX_IMAGE_SIDE};
-use super::{SceneError, file};
+use super::import::Mended;
+use super::limits::{Checked, MAX_IMAGE_SIDE, MAX_RADIANCE};
+use super::{LoadOptions, SceneError, file};
+use crate::memory::Budget;
+use crate::read;
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -32,24 +35,66 @@ impl Environment {
         Self { name: "constant".into(), width: 1, height: 1, texels: vec![radiance] }
     }
 
-    /// Loads `.exr` (channels R, G, B, or Y alone) or Radiance `.hdr`.
+    /// Loads `.exr` (channels R, G, B, or Y alone) or Radiance `.hdr`, and says what was mended: texels below 0, which
+    /// become 0, and infinite ones, which become as bright as the brightest other.
     ///
     /// # Errors
     /// [`SceneError`] names the file and what is wrong: no such file or format, a missing channel, more texels than
-    /// [`MAX_ENVIRONMENT_TEXELS`], and the first one that is negative or not finite.
-    pub fn load(path: &Path) -> Result<Self, SceneError> {
+    /// [`MAX_ENVIRONMENT_TEXELS`] or than there is memory for, and the first one that is no number or above
+    /// [`MAX_RADIANCE`]; where `options` are strict, the first that would be mended.
+    pub fn load(path: &Path, options: &LoadOptions) -> Result<(Self, Vec<String>), SceneError> {
         let fail = |problem: String| SceneError::new(path, "environment", problem);
         let bytes = file::read_file(path).map_err(fail)?;
+        let room = |bytes| {
+            let taken = Budget::of_process().take(bytes);
+            taken.map_err(|shortage| SceneError::short(path, "environment", shortage))
+        };
         let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
         let (width, height, texels) = match extension.as_deref() {
-            Some("exr") => read_exr(&bytes),
-            Some("hdr") => read_hdr(&bytes),
+            Some("exr") => {
+                room(exr_bytes(&bytes).map_err(fail)?)?;
+                read_exr(&bytes)
+            }
+            Some("hdr") => {
+                let (decoder, texels) = hdr_decoder(&bytes).map_err(fail)?;
+                room(24 * texels)?;
+                read_hdr(decoder)
+            }
             _ => Err("is neither .exr nor .hdr".into()),
         }
         .map_err(fail)?;
-        let environment = Self { name: path.display().to_string(), width, height, texels };
+        let mut environment = Self { name: path.display().to_string(), width, height, texels };
+        let mended = Mended::new(options);
+        environment.mend(path, &mended)?;
         environment.check().map_err(fail)?;
-        Ok(environment)
+        Ok((environment, mended.notes()))
+    }
+
+    /// Makes radiance of every texel, as far as a mind can be read.
+    fn mend(&mut self, path: &Path, mended: &Mended) -> Result<(), SceneError> {
+        let finite = self.texels.iter().flat_map(|texel| texel.to_array()).filter(|value| value.is_finite());
+        let brightest = finite.fold(0.0, f32::max);
+        let width = self.width as usize;
+        for (i, texel) in self.texels.iter_mut().enumerate() {
+            let defect = |what| {
+                let place = format!("environment texel ({}, {})", i % width, i / width);
+                SceneError::new(path, place, format!("it is {what}: {texel}"))
+            };
+            if texel.cmplt(Vec3::ZERO).any() {
+                mended.mend(path, defect("negative"), "taken as 0")?;
+            } else if texel.cmpeq(Vec3::INFINITY).any() {
+                mended.mend(path, defect("infinite"), "taken as the brightest finite value")?;
+            } else {
+                continue;
+            }
+            let value = |v: f32| match v {
+                f32::INFINITY => brightest,
+                v if v < 0.0 => 0.0,
+                v => v,
+            };
+            *texel = Vec3::from(texel.to_array().map(value));
+        }
+        Ok(())
     }
 
     /// Radiance (W/(sr·m²)) from a unit direction.
@@ -72,10 +117,15 @@ impl Environment {
         if self.texels.len() != self.width as usize * self.height as usize {
             return Err(format!("{} texels for {}×{}", self.texels.len(), self.width, self.height));
         }
-        let bad = |texel: &Vec3| !texel.is_finite() || texel.min_element() < 0.0;
-        match self.texels.iter().position(bad) {
+        let good = |texel: &Vec3| texel.cmpge(Vec3::ZERO).all() && texel.max_element() <= MAX_RADIANCE;
+        match self.texels.iter().position(|texel| !good(texel)) {
             Some(i) => {
-                let what = if self.texels[i].is_finite() { "negative" } else { "not finite" };
+                let texel = self.texels[i];
+                let what = match texel.is_finite() {
+                    false => "not finite".to_owned(),
+                    true if texel.min_element() < 0.0 => "negative".to_owned(),
+                    true => format!("above {MAX_RADIANCE:e}"),
+                };
                 let (x, y) = (i % self.width as usize, i / self.width as usize);
                 Err(format!("texel ({x}, {y}) is {what}: {}", self.texels[i]))
             }
@@ -96,22 +146,44 @@ fn check_size(width: usize, height: usize) -> Checked {
 
 type Texels = (u32, u32, Vec<Vec3>);
 
-fn read_hdr(bytes: &[u8]) -> Result<Texels, String> {
-    let corrupt = |error: image::ImageError| format!("can't be decoded: {error}");
-    let decoder = image::codecs::hdr::HdrDecoder::new(Cursor::new(bytes)).map_err(corrupt)?;
+type Decoder<'a> = image::codecs::hdr::HdrDecoder<Cursor<&'a [u8]>>;
+
+fn corrupt(error: &dyn std::fmt::Display) -> String {
+    format!("can't be decoded: {error}")
+}
+
+/// What reads an .hdr, and its texels.
+fn hdr_decoder(bytes: &[u8]) -> Result<(Decoder<'_>, u64), String> {
+    // `#?RADIANCE` and `#?RGBE` are common; the decoder's strict mode knows the first alone.
+    if !bytes.starts_with(b"#?") {
+        return Err("can't be decoded: it does not begin with `#?`".into());
+    }
+    let decoder = Decoder::new_nonstrict(Cursor::new(bytes)).map_err(|error| corrupt(&error))?;
     let (width, height) = image::ImageDecoder::dimensions(&decoder);
     check_size(width as usize, height as usize)?;
-    let decoded = image::DynamicImage::from_decoder(decoder).map_err(corrupt)?.into_rgb32f();
+    Ok((decoder, u64::from(width) * u64::from(height)))
+}
+
+fn read_hdr(decoder: Decoder<'_>) -> Result<Texels, String> {
+    let (width, height) = image::ImageDecoder::dimensions(&decoder);
+    let decoded = image::DynamicImage::from_decoder(decoder).map_err(|error| corrupt(&error))?.into_rgb32f();
     let texels = decoded.pixels().map(|pixel| Vec3::from(pixel.0)).collect();
     Ok((width, height, texels))
 }
 
-fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
-    let corrupt = |error: exr::error::Error| format!("can't be decoded: {error}");
-    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(corrupt)?;
+/// Memory that reading an .exr takes.
+fn exr_bytes(bytes: &[u8]) -> Result<u64, String> {
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), true);
+    let meta = meta.map_err(|error| corrupt(&error))?;
+    let mut texels = 0;
     for header in &meta.headers {
         check_size(header.layer_size.width(), header.layer_size.height())?;
+        texels = texels.max(header.layer_size.area() as u64);
     }
+    Ok(read::exr_bytes(&meta).saturating_add(texels * size_of::<Vec3>() as u64))
+}
+
+fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -119,7 +191,7 @@ fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
         .first_valid_layer()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
-        .map_err(corrupt)?;
+        .map_err(|error| corrupt(&error))?;
     let layer = &image.layer_data;
     let channel = |name: &str| layer.channel_data.list.iter().find(|channel| channel.name.eq(name));
     let channels = match [channel("R"), channel("G"), channel("B")] {

@@ -1,6 +1,8 @@
 //! Files that a scene consists of, and the images in them.
 
-use super::{Image, MAX_IMAGE_SIDE};
+use super::{Image, LoadOptions, MAX_IMAGE_SIDE, SceneError};
+use crate::read;
+use std::ffi::OsStr;
 use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
@@ -10,25 +12,148 @@ const MAX_FILE_BYTES: u64 = u32::MAX as u64;
 /// Reads a regular file; anything else (a folder, a pipe that would block) is an error.
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, String> {
     let refused = |error: std::io::Error| format!("can't be read: {error}");
-    let metadata = std::fs::metadata(path).map_err(refused)?;
-    if !metadata.is_file() {
-        return Err("is not a file".into());
+    match read::regular(path, MAX_FILE_BYTES) {
+        Err(error) if error.kind() == std::io::ErrorKind::InvalidInput => Err("is not a file".into()),
+        read => read.map_err(refused),
     }
-    if metadata.len() > MAX_FILE_BYTES {
-        return Err(format!("is {} bytes long, expected at most {MAX_FILE_BYTES}", metadata.len()));
-    }
-    std::fs::read(path).map_err(refused)
 }
 
-/// `relative` in the folder of `file`, if it can't lead out of that folder.
-pub(super) fn beside(file: &Path, relative: &str) -> Result<PathBuf, String> {
-    // Windows reads `\` and drive letters where others see a plain name: refuse them everywhere.
-    let inside =
-        Path::new(relative).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-    if relative.is_empty() || !inside || relative.contains(['\\', ':', '\0']) {
-        return Err(format!("`{relative}` is not a path inside the scene's folder"));
+/// Where the files that a scene names are found: in the folder of its own file, and in those that the user names beside it.
+/// What else a name or a link leads to is as if it were not there.
+pub(super) struct Files {
+    folder: PathBuf,
+    /// Real paths of the folders beside it.
+    roots: Vec<PathBuf>,
+}
+
+/// A file that a scene names.
+pub(super) struct Found {
+    /// Its real path.
+    pub(super) path: PathBuf,
+    /// How it is called beside what was written, where that differs.
+    pub(super) differs: Option<String>,
+}
+
+impl Files {
+    /// # Errors
+    /// A folder of the user's that is none.
+    pub(super) fn of(scene: &Path, options: &LoadOptions) -> Result<Self, SceneError> {
+        let real = |root: &PathBuf| {
+            let folder = root.canonicalize().and_then(|folder| folder.read_dir().map(|_| folder));
+            folder.map_err(|error| SceneError::new(root, "root folder", error.to_string()))
+        };
+        let roots = options.roots.iter().map(real).collect::<Result<_, _>>()?;
+        let folder = match scene.parent() {
+            Some(folder) if folder != Path::new("") => folder,
+            _ => Path::new("."),
+        };
+        Ok(Self { folder: folder.to_owned(), roots })
     }
-    Ok(file.parent().unwrap_or(Path::new("")).join(relative))
+
+    /// The file of this name, as it is written or but for case.
+    ///
+    /// # Errors
+    /// It is not there, or neither in the scene's folder nor in one of the user's.
+    pub(super) fn find(&self, name: &str) -> Result<Found, String> {
+        if let Some((scheme, _)) = name.split_once("://").filter(|(scheme, _)| is_scheme(scheme)) {
+            return Err(format!("`{}` is an address ({scheme}), and only files are read", shortened(name)));
+        }
+        let outside = || format!("`{}` is not a path inside the scene's folder", shortened(name));
+        // Windows reads `\` and drive letters where others see a plain name: refuse them everywhere.
+        if name.is_empty() || name.contains(['\\', ':', '\0']) {
+            return Err(outside());
+        }
+        let path = self.folder.join(name);
+        if let Ok(real) = path.canonicalize() {
+            return if self.allows(&real) {
+                Ok(Found { path: real, differs: None })
+            } else {
+                Err(format!("{}, nor inside a --root folder", outside()))
+            };
+        }
+        let inside =
+            Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        if !inside {
+            return Err(outside());
+        }
+        match self.but_for_case(&self.folder, name) {
+            Some(path) => Ok(Found { differs: Some(file_name(&path)), path }),
+            None => Err(format!("`{}` is not there", shortened(name))),
+        }
+    }
+
+    /// The file of this name; else one under it without its first folders, as files that were moved from where they were
+    /// made still name the old place: `C:\models\wood.png`, `/home/me/wood.png`, `../maps/wood.png`.
+    ///
+    /// # Errors
+    /// As [`find`](Self::find) has them, of the name as it is.
+    pub(super) fn search(&self, name: &str) -> Result<Found, String> {
+        let found = self.find(name);
+        if found.is_ok() || name.contains('\0') {
+            return found;
+        }
+        let slashed = name.replace('\\', "/");
+        let parts: Vec<&str> = slashed.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();
+        let parts = match parts.split_first() {
+            Some((drive, rest)) if drive.ends_with(':') => rest,
+            _ => &parts[..],
+        };
+        let folders = || std::iter::once(&self.folder).chain(&self.roots);
+        let rest =
+            (0..parts.len()).flat_map(|from| folders().map(move |folder| (folder, parts[from..].join("/"))));
+        for (folder, rest) in rest {
+            if let Some(path) = self.but_for_case(folder, &rest) {
+                return Ok(Found { path, differs: Some(rest).filter(|rest| rest != name) });
+            }
+        }
+        found
+    }
+
+    /// The real path of `name` in `folder`, each of its parts as it is or else but for case; the first by name of several.
+    fn but_for_case(&self, folder: &Path, name: &str) -> Option<PathBuf> {
+        let mut path = folder.canonicalize().ok()?;
+        for part in name.split('/').filter(|part| !matches!(*part, "" | ".")) {
+            let exact = path.join(part);
+            let next = if exact.exists() {
+                exact
+            } else {
+                let alike = |name: &OsStr| {
+                    name.to_str().is_some_and(|name| name.to_lowercase() == part.to_lowercase())
+                };
+                let names = path.read_dir().ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
+                path.join(names.filter(|name| alike(name)).min()?)
+            };
+            path = next.canonicalize().ok().filter(|path| self.allows(path))?;
+        }
+        Some(path)
+    }
+
+    fn allows(&self, real: &Path) -> bool {
+        let folder = self.folder.canonicalize();
+        folder.iter().chain(&self.roots).any(|folder| real.starts_with(folder))
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// RFC 3986, section 3.1; a single letter is a drive.
+fn is_scheme(text: &str) -> bool {
+    let mut bytes = text.bytes();
+    text.len() > 1
+        && bytes.next().is_some_and(|b| b.is_ascii_alphabetic())
+        && bytes.all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b))
+}
+
+/// A name as messages quote it: of any length, cut to what a line holds.
+pub(super) fn shortened(name: &str) -> String {
+    const LONGEST: usize = 200;
+    if name.chars().count() <= LONGEST {
+        return name.to_owned();
+    }
+    let start: String = name.chars().take(LONGEST / 2).collect();
+    format!("{start}… ({} bytes)", name.len())
 }
 
 /// Decodes PNG or JPEG of any depth and colour type into RGBA, of 16 bits a channel where 8 do not hold what is there.
@@ -61,4 +186,62 @@ pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
         texels = bytemuck::cast_vec(decoded.into_rgba8().into_raw());
     }
     Ok(Image { name: name.to_owned(), width, height, texels })
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::symlink;
+
+    /// Whatever a scene calls them and wherever links lead, files are found in its folder and in those named beside it.
+    #[test]
+    fn nothing_outside_is_found() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        for folder in ["scene/maps", "beside"] {
+            fs::create_dir_all(at(folder)).unwrap();
+        }
+        for file in ["scene/maps/Wood.png", "scene/iron.png", "beside/clay.png", "secret.png"] {
+            fs::write(at(file), file).unwrap();
+        }
+        symlink(at("secret.png"), at("scene/link.png")).unwrap();
+        symlink(at("beside"), at("scene/door")).unwrap();
+        symlink("maps/Wood.png", at("scene/inner.png")).unwrap();
+        let scene = at("scene/a.obj");
+        let closed = Files::of(&scene, &LoadOptions::default()).unwrap();
+        let options = LoadOptions { roots: vec![at("beside")], ..LoadOptions::default() };
+        let open = Files::of(&scene, &options).unwrap();
+        let named = |found: Result<Found, String>| found.ok().map(|found| file_name(&found.path));
+        let absolute = at("scene/iron.png").display().to_string();
+        let cases = [
+            ("iron.png", Some("iron.png"), Some("iron.png")),
+            ("./maps/../iron.png", Some("iron.png"), Some("iron.png")),
+            ("MAPS/wood.PNG", Some("Wood.png"), Some("Wood.png")),
+            ("inner.png", Some("Wood.png"), Some("Wood.png")),
+            (&absolute, Some("iron.png"), Some("iron.png")),
+            ("link.png", None, None),
+            ("../secret.png", None, None),
+            ("door/clay.png", None, Some("clay.png")),
+            ("../beside/clay.png", None, Some("clay.png")),
+            ("..\\beside\\clay.png", None, None),
+            ("C:/iron.png", None, None),
+            ("", None, None),
+        ];
+        for (name, inside, beside) in cases {
+            assert_eq!(named(closed.find(name)).as_deref(), inside, "{name}");
+            assert_eq!(named(open.find(name)).as_deref(), beside, "{name} with a root");
+        }
+        for name in ["C:\\models\\maps\\wood.png", "/gone/maps/Wood.png", "../maps/wood.png", "wood.png"] {
+            let found = named(closed.search(name));
+            assert_eq!(found.as_deref(), (name != "wood.png").then_some("Wood.png"), "{name}");
+        }
+        assert_eq!(named(open.search("D:\\clay.png")).as_deref(), Some("clay.png"));
+        for name in ["link.png", "x/link.png", "../../secret.png", "door/clay.png"] {
+            assert!(closed.search(name).is_err(), "{name}");
+        }
+        let problem = Files::of(&scene, &LoadOptions { roots: vec![at("none")], ..LoadOptions::default() });
+        assert!(problem.err().unwrap().to_string().contains("none: root folder: "));
+        assert!(closed.find("https://example.org/a.png").err().unwrap().contains("is an address (https)"));
+    }
 }

@@ -29,9 +29,10 @@ pub use camera::{Camera, View};
 pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 pub use error::SceneError;
 pub use feature::Feature;
+pub(crate) use import::FRAMED;
 pub use import::LoadOptions;
 pub use light::{Light, LightKind};
-pub use limits::{MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
+pub use limits::{MAX_COORDINATE, MAX_IMAGE_SIDE, MAX_RADIANCE, MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
 pub use material::{
     AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, TextureRef, TextureTransform, Volume,
     Wrap,

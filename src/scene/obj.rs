@@ -16,13 +16,14 @@
 //!
 //! All else in a material, `Tf` and other maps among it, is left out.
 
+use super::file::{self, Files};
+use super::import::{self, Mended};
 use super::limits::{MAX_TEXELS, MAX_TRIANGLES, MAX_VERTICES};
 use super::origin::Around;
 use super::{
     AlphaMode, Image, Instance, LoadOptions, Material, Mesh, Scene, SceneError, TextureRef, TextureTransform,
     Volume, Wrap,
 };
-use super::{file, import};
 use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
@@ -37,10 +38,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     if let Some(scene) = &options.scene {
         return Err(SceneError::new(path, "scenes", format!("no scene `{scene}`: an OBJ file is one scene")));
     }
+    let (files, mended) = (Files::of(path, options)?, Mended::new(options));
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = read_text(path)?;
     let read = |origin| -> Result<Reader<'_>, SceneError> {
-        let mut reader = Reader::new(path, name.clone(), origin);
+        let mut reader = Reader::new(path, &files, &mended, name.clone(), origin);
         for (number, line) in statements(&text) {
             reader.statement(&line).map_err(|defect| match defect {
                 Defect::Here(problem) => SceneError::new(path, format!("line {number}"), problem),
@@ -119,6 +121,8 @@ type Corner = (u32, Option<u32>, Option<u32>);
 
 struct Reader<'a> {
     path: &'a Path,
+    files: &'a Files,
+    mended: &'a Mended,
     scene: Scene,
     positions: Vec<Vec3>,
     /// One a position once a vertex has a colour.
@@ -139,9 +143,11 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, name: String, origin: DVec3) -> Self {
+    fn new(path: &'a Path, files: &'a Files, mended: &'a Mended, name: String, origin: DVec3) -> Self {
         Self {
             path,
+            files,
+            mended,
             scene: Scene { name, origin, ..Scene::default() },
             positions: Vec::new(),
             colors: Vec::new(),
@@ -323,7 +329,7 @@ impl<'a> Reader<'a> {
     /// One file whose name may hold spaces, or several.
     fn libraries(&mut self, names: &str) -> Result<(), Defect> {
         let names = names.replace('\\', "/");
-        if file::beside(self.path, &names)?.exists() {
+        if self.files.find(&names).is_ok() {
             return self.library(&names);
         }
         names.split_whitespace().try_for_each(|name| self.library(name))
@@ -333,10 +339,7 @@ impl<'a> Reader<'a> {
         if !self.libraries.insert(name.to_owned()) {
             return Ok(());
         }
-        let path = file::beside(self.path, name)?;
-        if !path.exists() {
-            return Err(Defect::Here(format!("`{name}` is not there")));
-        }
+        let path = self.files.find(name)?.path;
         let mut open: Option<Mtl> = None;
         for (number, line) in statements(&read_text(&path)?) {
             let located = |problem| SceneError::new(&path, format!("line {number}"), problem);
@@ -383,7 +386,7 @@ impl<'a> Reader<'a> {
         let image = match self.images.get(&map.file) {
             Some(&image) => image,
             None => {
-                let path = file::beside(self.path, &map.file)?;
+                let path = self.files.find(&map.file)?.path;
                 let read =
                     || -> Result<Image, String> { file::decode_image(&map.file, &file::read_file(&path)?) };
                 self.scene.images.push(read().map_err(|problem| format!("`{}` {problem}", map.file))?);
@@ -407,6 +410,7 @@ impl<'a> Reader<'a> {
             let words: Vec<String> = self.skipped.into_iter().take(16).collect();
             scene.notes.push(format!("statements left out: {}", words.join(", ")));
         }
+        scene.notes.extend(self.mended.notes());
         import::finish(scene, self.path, "file")
     }
 }

@@ -10,6 +10,7 @@ use gpu_allocator::{AllocationError, AllocationSizes, AllocatorDebugSettings, Me
 
 use super::Error;
 use super::select::Limits;
+use crate::memory::Budget;
 
 /// Where a buffer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,7 +54,12 @@ pub(super) struct Memory {
     used: [u64; vk::MAX_MEMORY_HEAPS],
     peak: u64,
     largest: u64,
+    /// Whether the device's memory is the host's.
+    of_host: bool,
 }
+
+/// Allocations from this size (bytes) on are compared with the memory that the host has left, which takes a millisecond.
+const LARGE: u64 = 64 << 20;
 
 impl Memory {
     pub(super) fn new(
@@ -61,6 +67,7 @@ impl Memory {
         device: &ash::Device,
         physical: vk::PhysicalDevice,
         limits: &Limits,
+        of_host: bool,
     ) -> Result<Self, Error> {
         const MIB: u64 = 1 << 20;
         let mut debug_settings = AllocatorDebugSettings::default();
@@ -83,6 +90,7 @@ impl Memory {
             used: [0; vk::MAX_MEMORY_HEAPS],
             peak: 0,
             largest: limits.max_allocation,
+            of_host,
         })
     }
 
@@ -95,11 +103,12 @@ impl Memory {
     ) -> Result<(Allocation, u32), Error> {
         let Requirements { size, alignment, memory_type_bits } = requirements;
         let types = memory_types(kind, self.properties.memory_types_as_slice(), memory_type_bits);
+        let free = if self.of_host && size >= LARGE { Budget::of_process().left() } else { u64::MAX };
         let mut available = 0;
         for ty in types {
             let heap = self.heap_of(ty);
             // lavapipe hands out more than the machine has, and the kernel then ends the process.
-            let left = self.properties.memory_heaps[heap].size.saturating_sub(self.used[heap]);
+            let left = self.properties.memory_heaps[heap].size.saturating_sub(self.used[heap]).min(free);
             available = available.max(left.min(self.largest));
             if size > left || size > self.largest {
                 continue;

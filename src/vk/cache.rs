@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::DeviceInfo;
 use super::select::Limits;
-use crate::files;
+use crate::{files, read};
 
 /// Largest file read (bytes); the largest seen were a few million.
 const MOST: u64 = 1 << 28;
@@ -55,7 +55,7 @@ pub(super) fn default_file(info: &DeviceInfo) -> Option<PathBuf> {
 /// The driver's data in `file`; nothing where the file is absent, damaged, another driver's, or no file: a pipe, a
 /// device, a folder.
 pub(super) fn load(file: &Path, owner: &Owner) -> Vec<u8> {
-    let bytes = match files::read(file, MOST) {
+    let bytes = match read::regular(file, MOST) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Vec::new(),
         Err(e) => {

@@ -9,7 +9,7 @@ use super::allocator::Memory;
 use super::instance::Instance;
 use super::probe::{Probe, RAY_QUERY_EXTENSIONS};
 use super::queue::Queue;
-use super::select::{DeviceInfo, Limits, select};
+use super::select::{DeviceInfo, DeviceKind, Limits, select};
 use super::{Backend, Error, ValidationLog, debug, manifest};
 
 /// How to open a device.
@@ -101,7 +101,7 @@ impl Device {
         let raw = unsafe { instance.raw.create_device(physical, &create, None) }
             .map_err(Error::vulkan("vkCreateDevice", &info.name))?;
 
-        let memory = Memory::new(&instance.raw, &raw, physical, &limits);
+        let memory = Memory::new(&instance.raw, &raw, physical, &limits, info.kind == DeviceKind::Cpu);
         let memory = match memory {
             Ok(memory) => memory,
             Err(error) => {

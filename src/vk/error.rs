@@ -141,12 +141,11 @@ impl Error {
             | Self::NoRayQuery { .. } => ErrorClass::Device,
             Self::DeviceLost { .. } => ErrorClass::Lost,
             Self::OutOfDeviceMemory { .. }
+            | Self::OutOfHostMemory { .. }
             | Self::Vulkan { result: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => ErrorClass::Memory,
-            Self::OutOfHostMemory { .. }
-            | Self::TooLarge { .. }
-            | Self::Kernel { .. }
-            | Self::Allocation { .. }
-            | Self::Vulkan { .. } => ErrorClass::Other,
+            Self::TooLarge { .. } | Self::Kernel { .. } | Self::Allocation { .. } | Self::Vulkan { .. } => {
+                ErrorClass::Other
+            }
         }
     }
 

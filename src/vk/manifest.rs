@@ -4,7 +4,7 @@
 //! The places are those that the loader looks in on Linux; elsewhere it has others, and none are known here.
 
 use super::Error;
-use crate::files;
+use crate::read;
 use serde_json::Value;
 use std::env;
 use std::ffi::{OsStr, OsString};
@@ -81,7 +81,7 @@ impl Problem {
 /// What is wrong with a manifest of which at least this is known, that no driver came of it. With `driver` false it may be
 /// a layer's.
 fn problem(file: &Path, driver: bool) -> Problem {
-    let bytes = match files::read(file, MOST) {
+    let bytes = match read::regular(file, MOST) {
         Ok(bytes) => bytes,
         // Opening a pipe would never return.
         Err(error) if file.exists() && !file.is_dir() => return Problem::Fatal(error.to_string()),
@@ -91,7 +91,7 @@ fn problem(file: &Path, driver: bool) -> Problem {
         return Problem::Useless("is empty".into());
     }
     // As the loader reads it: behind a byte order mark, and whatever follows.
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let text = read::without_mark(&bytes);
     let json = match serde_json::Deserializer::from_slice(text).into_iter::<Value>().next() {
         Some(Ok(json)) => json,
         Some(Err(error)) => return Problem::Fatal(format!("is not JSON: {error}")),

@@ -1,6 +1,7 @@
 //! Bytes of a glTF asset: the .glb container, and URIs of buffers and images.
 
-use crate::scene::{SceneError, file};
+use crate::scene::SceneError;
+use crate::scene::file::{self, Files};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -66,11 +67,11 @@ fn truncated(expected: usize, found: usize) -> String {
     format!("truncated: {found} of {expected} bytes")
 }
 
-/// The bytes a URI stands for: those in a `data:` URI, or a file in the folder of `scene`.
+/// The bytes a URI stands for: those in a `data:` URI, or a file among `files`.
 ///
 /// # Errors
 /// The defect; the caller knows the element.
-pub(super) fn fetch(scene: &Path, uri: &str) -> Result<Vec<u8>, String> {
+pub(super) fn fetch(files: &Files, uri: &str) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, payload) = data.split_once(',').ok_or("its data: URI has no comma")?;
         let payload = percent_decoded(payload)?;
@@ -78,8 +79,8 @@ pub(super) fn fetch(scene: &Path, uri: &str) -> Result<Vec<u8>, String> {
     }
     let decoded = String::from_utf8(percent_decoded(uri)?.into_owned())
         .map_err(|_| "its URI is not UTF-8".to_owned())?;
-    let path = file::beside(scene, &decoded)?;
-    file::read_file(&path).map_err(|problem| format!("`{decoded}` {problem}"))
+    let found = files.find(&decoded)?;
+    file::read_file(&found.path).map_err(|problem| format!("`{}` {problem}", file::shortened(&decoded)))
 }
 
 fn percent_decoded(text: &str) -> Result<Cow<'_, [u8]>, String> {
@@ -131,6 +132,7 @@ fn base64(text: &[u8]) -> Result<Vec<u8>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::LoadOptions;
 
     /// The test vectors of RFC 4648, section 10, with and without padding.
     #[test]
@@ -156,6 +158,7 @@ mod tests {
     #[test]
     fn uris_stay_in_the_folder() {
         let scene = Path::new("/nowhere/scene.gltf");
+        let files = Files::of(scene, &LoadOptions::default()).unwrap();
         let refused = [
             "/etc/hostname",
             "../a.bin",
@@ -165,20 +168,22 @@ mod tests {
             "..%5ca.bin",
             "..\\a.bin",
             "C:/a.bin",
-            "file:///etc/hostname",
-            "http://example.org/a.bin",
             "//host/a.bin",
             "%2fetc/hostname",
             "a%00.bin",
             "",
         ];
         for uri in refused {
-            let problem = fetch(scene, uri).unwrap_err();
+            let problem = fetch(&files, uri).unwrap_err();
             assert!(problem.contains("not a path inside the scene's folder"), "{uri}: {problem}");
         }
-        assert!(fetch(scene, "a%2").unwrap_err().contains('%'));
-        assert!(fetch(scene, "data:application/octet-stream;base64").unwrap_err().contains("comma"));
-        assert_eq!(fetch(scene, "data:,a%20b").unwrap(), b"a b");
-        assert_eq!(fetch(scene, "data:application/octet-stream;base64,Zm9v").unwrap(), b"foo");
+        for address in ["file:///etc/hostname", "http://example.org/a.bin", "https%3a//example.org/a.bin"] {
+            let problem = fetch(&files, address).unwrap_err();
+            assert!(problem.contains("is an address"), "{address}: {problem}");
+        }
+        assert!(fetch(&files, "a%2").unwrap_err().contains('%'));
+        assert!(fetch(&files, "data:application/octet-stream;base64").unwrap_err().contains("comma"));
+        assert_eq!(fetch(&files, "data:,a%20b").unwrap(), b"a b");
+        assert_eq!(fetch(&files, "data:application/octet-stream;base64,Zm9v").unwrap(), b"foo");
     }
 }

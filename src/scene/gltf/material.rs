@@ -222,7 +222,7 @@ impl Context<'_> {
             source.name.as_deref().or(file_name).map_or_else(|| format!("image {index}"), str::to_owned);
         let mut read = || {
             let bytes = match (&source.uri, source.buffer_view) {
-                (Some(uri), None) => Cow::Owned(container::fetch(self.file, uri)?),
+                (Some(uri), None) => Cow::Owned(container::fetch(self.files, uri)?),
                 (None, Some(view)) => Cow::Borrowed(self.view_bytes(view)?),
                 _ => return Err("it needs either a uri or a bufferView".to_owned()),
             };

@@ -9,9 +9,10 @@ mod context;
 mod geometry;
 mod material;
 
+use super::file::{self, Files};
+use super::import::{self, Mended};
 use super::origin::{self, Around};
 use super::{Camera, Instance, Light, LightKind, LoadOptions, Material, Scene, SceneError, View};
-use super::{file, import};
 use ::gltf::json;
 use ::gltf::json::deserialize::from_slice;
 use ::gltf::json::extensions::scene::khr_lights_punctual;
@@ -56,9 +57,11 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) || bytes.starts_with(b"glTF");
     let (json, chunk) = if binary { container::split(path, bytes)? } else { (bytes, None) };
     let (root, nodes) = parse(path, json)?;
-    let buffers = buffers(path, &root, binary, chunk)?;
+    let (files, mended) = (&Files::of(path, options)?, &Mended::new(options));
+    let buffers = buffers(path, files, &root, binary, chunk)?;
     let quantized = root.extensions_used.iter().any(|name| name == "KHR_mesh_quantization");
-    let context = Context { file: path, root: &root, nodes: &nodes, buffers: &buffers, quantized };
+    let context =
+        Context { file: path, files, mended, root: &root, nodes: &nodes, buffers: &buffers, quantized };
     context.check_structure()?;
     context.scene(options)
 }
@@ -161,13 +164,14 @@ fn check_header(path: &Path, root: &json::Root) -> Result<(), SceneError> {
 
 fn buffers<'a>(
     path: &Path,
+    files: &Files,
     root: &json::Root,
     binary: bool,
     chunk: Option<&'a [u8]>,
 ) -> Result<Vec<Option<Cow<'a, [u8]>>>, SceneError> {
     let read = |i: usize, buffer: &json::Buffer| {
         let data = match &buffer.uri {
-            Some(uri) => Some(Cow::Owned(container::fetch(path, uri)?)),
+            Some(uri) => Some(Cow::Owned(container::fetch(files, uri)?)),
             None if i == 0 && binary => {
                 Some(Cow::Borrowed(chunk.ok_or("has no uri, and there is no binary chunk")?))
             }
@@ -307,6 +311,7 @@ impl Context<'_> {
         let Read { mut scene, tally, skinned, ranged, .. } = read;
         self.materials(&mut scene)?;
         self.note(&mut scene, &tally, skinned, ranged);
+        scene.notes.extend(self.mended.notes());
         import::finish(scene, self.file, &element)
     }
 
