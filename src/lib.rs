@@ -14,6 +14,7 @@ mod compile;
 pub mod denoise;
 pub mod docs;
 mod error;
+mod files;
 pub mod gpu_scene;
 #[allow(unsafe_code)]
 pub mod graph;
@@ -34,6 +35,7 @@ pub mod scene;
 pub mod shaders;
 pub mod stress;
 pub mod techniques;
+mod text;
 #[allow(unsafe_code)]
 pub mod vk;
 

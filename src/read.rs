@@ -25,7 +25,7 @@ pub(crate) fn at_most(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// As [`at_most`], or that it is something else.
 pub(crate) fn regular(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a file"));
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not a file"));
     }
     at_most(path, limit)
 }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const ORDER: &[&str] = &["vk", "graph", "techniques", "methods", "renderer"];
 
 /// What uses none of those.
-const APART: &[&str] = &["scene", "sampling", "metrics", "output"];
+const APART: &[&str] = &["scene", "sampling", "metrics", "output", "files", "text"];
 
 /// The graph between the modules of one folder.
 struct Folder {

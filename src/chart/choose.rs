@@ -8,9 +8,9 @@ use super::reference::{self, ReferenceRequest};
 use super::sweep::Noise;
 use crate::ErrorClass;
 use crate::config::{ConfigError, RenderConfig};
+use crate::files;
 use crate::methods::{self, REGISTRY, Sweeps};
 use crate::metrics;
-use crate::output;
 use crate::read;
 use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::Camera;
@@ -18,7 +18,6 @@ use crate::vk::{self, DeviceKind};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -172,11 +171,10 @@ impl Front {
     /// Leaves the front for [`Front::cached`].
     pub fn remember(&self, renderer: &Renderer, camera: &Camera, size: [u32; 2]) {
         let Some(file) = cache_file(renderer, camera, size) else { return };
-        let written = file.parent().map_or(Ok(()), std::fs::create_dir_all);
         let text = serde_json::to_vec(self).unwrap_or_default();
-        if written.is_err() || output::write_file(&file, |out| out.write_all(&text)).is_err() {
-            // A cache that cannot be written is only slower next time.
-            tracing::debug!("{}: cannot be written", file.display());
+        // A cache that cannot be written is only slower next time.
+        if let Err(error) = files::write_cache(&file, &text) {
+            tracing::debug!("{}: {error}", file.display());
         }
     }
 }

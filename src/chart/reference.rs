@@ -203,7 +203,7 @@ pub fn reference(
     let reference = render(renderer, request)?;
     reference.write(request.file, &identity, asked)?;
     // A cache that cannot be written is only slower next time.
-    if let Some(file) = cache {
+    if let Some(file) = cache.filter(|file| !output::is_stream(file)) {
         let written = file.parent().map_or(Ok(()), std::fs::create_dir_all);
         if written.is_err() || reference.write(&file, &identity, asked).is_err() {
             tracing::debug!("{}: cannot be written", file.display());

@@ -2,6 +2,7 @@
 
 use super::answer::{error_of, front_of, significant};
 use super::data::{Chart, Point, Spread};
+use crate::text::printable;
 use std::fmt::Write;
 
 const SIZE: [f64; 2] = [800.0, 540.0];
@@ -393,17 +394,16 @@ fn short(text: &str, most: usize) -> String {
     }
 }
 
-/// Text as XML holds it; what XML cannot hold becomes U+FFFD.
+/// Text as XML holds it; two characters that XML cannot hold become U+FFFD.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in printable(text).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
-            '\t' | '\n' | '\r' => out.push(' '),
-            '\0'..='\x1f' | '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
+            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
             c => out.push(c),
         }
     }
@@ -431,7 +431,7 @@ mod tests {
 
     #[test]
     fn text_is_cut_and_escaped() {
-        assert_eq!(escape("a<b>&\"c\"\u{1}\n"), "a&lt;b&gt;&amp;&quot;c&quot;\u{fffd} ");
+        assert_eq!(escape("a<b>&\"c\"\u{1}\n"), "a&lt;b&gt;&amp;&quot;c&quot;\\u{1}\\n");
         assert_eq!((short("abcd", 4), short("abcde", 4)), ("abcd".into(), "abc…".into()));
     }
 }

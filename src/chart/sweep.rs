@@ -16,7 +16,6 @@ use crate::renderer::{self, FrameRequest, Progress, Renderer};
 use crate::scene::{Camera, Feature, SceneProfile};
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;

@@ -13,6 +13,7 @@ use crate::config::{ConfigError, RenderConfig};
 use crate::methods;
 use crate::output;
 use crate::renderer::{self, Renderer, RendererOptions};
+use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
@@ -98,7 +99,7 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
         let all = settings.len() as u32 * args.seeds;
         let _ = writeln!(text, "\nnot complete: {done} of {all} measurements; run the same command to go on");
     }
-    let _ = writeln!(text, "\n{}", folder.join(FILES[2]).display());
+    let _ = writeln!(text, "\n{}", text::path(&folder.join(FILES[2])));
     print(&text)
 }
 

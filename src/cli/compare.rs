@@ -6,6 +6,7 @@ use super::print::print;
 use crate::ErrorClass;
 use crate::metrics::{self, Errors, FlipMap};
 use crate::output::{self, ReadPicture, extension, magma};
+use crate::text;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -59,7 +60,7 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
         let texts = [("Software", output::SOFTWARE.to_owned()), ("Error", mapping.clone())];
         output::write_png(file, width as u32, &pixels, &texts)?;
         if !args.json {
-            let _ = writeln!(text, "{}: {mapping}", file.display());
+            let _ = writeln!(text, "{}: {mapping}", text::path(file));
         }
     }
     print(&text)
@@ -165,5 +166,5 @@ fn json(args: &Compare, image: &ReadPicture, names: &[&str], errors: &Errors) ->
         "channels": names,
         "errors": errors,
     });
-    format!("{object:#}\n")
+    format!("{}\n", text::json(&format!("{object:#}")))
 }

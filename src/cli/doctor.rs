@@ -7,6 +7,7 @@ use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::renderer::{Aov, BackendChoice, FrameRequest, Renderer, RendererOptions, Timing, cached_timing};
 use crate::scene::{Camera, Instance, Material, Mesh, Scene};
+use crate::text;
 use crate::vk::Backend;
 use crate::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use glam::Vec3;
@@ -50,7 +51,8 @@ pub(super) fn run(args: &args::Doctor) -> Result<(), Failure> {
         suitable.clone().max_by_key(|report| (report.info.score, std::cmp::Reverse(report.info.index)));
     let default = default.map(|report| report.info.index);
     if args.json {
-        print(&format!("{:#}\n", serde_json::json!({ "devices": reports, "default": default })))?;
+        let json = format!("{:#}\n", serde_json::json!({ "devices": reports, "default": default }));
+        print(&text::json(&json))?;
     } else {
         let mut text: String = reports.iter().map(describe).collect();
         if let Some(default) = default {

@@ -6,7 +6,6 @@ use super::{args, scene};
 use crate::graph::Typical;
 use crate::output::{self, extension};
 use crate::renderer;
-use std::io::Write;
 
 pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {
     let kind = args.output.as_deref().map(|file| (file, extension(file)));

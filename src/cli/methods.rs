@@ -6,7 +6,6 @@ use crate::docs::Measurements;
 use crate::output::{self, extension};
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Write;
 
 pub(super) fn run(args: &Methods) -> Result<(), Failure> {
     let file = &args.output;

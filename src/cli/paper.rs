@@ -9,10 +9,10 @@ use super::{interrupt, scene};
 use crate::output;
 use crate::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
 use crate::renderer::{self, Renderer};
+use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 
 /// Repeats on devices that are no CPU.
@@ -50,7 +50,7 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
         return Ok(());
     }
     let mut text = report.markdown();
-    let _ = writeln!(text, "\n{}: paper.md, paper.json and pictures", folder.display());
+    let _ = writeln!(text, "\n{}: paper.md, paper.json and pictures", text::path(&folder));
     print(&text)
 }
 

@@ -2,12 +2,14 @@
 
 use super::args::{Machine, ProgressWord};
 use crate::renderer::Progress;
+use crate::text;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::Cell;
 use std::io::{self, IsTerminal, Write};
 use std::sync::OnceLock;
 use std::time::Duration;
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::fmt::format::debug_fn;
 
 /// The bar that messages have to get out of the way of.
 static BAR: OnceLock<ProgressBar> = OnceLock::new();
@@ -45,7 +47,11 @@ impl Reporter {
         let logs = tracing_subscriber::fmt()
             .with_max_level(level)
             .with_writer(move || Log { json })
-            .with_ansi(color && !json);
+            .with_ansi(color && !json)
+            .fmt_fields(debug_fn(|out, field, value| {
+                let name = if field.name() == "message" { String::new() } else { format!(" {field}=") };
+                write!(out, "{name}{}", text::line(&format!("{value:?}")))
+            }));
         let _ = logs.with_target(false).without_time().try_init();
         Self { json, quiet: args.quiet, stage: Cell::new(""), reported: Cell::new(0) }
     }
@@ -54,11 +60,11 @@ impl Reporter {
     pub(super) fn stage(&self, stage: &'static str, what: &str) {
         self.stage.set(stage);
         if self.json {
-            line(&serde_json::json!({ "stage": stage, "what": what }).to_string());
+            object(&serde_json::json!({ "stage": stage, "what": text::shortened(what) }));
         }
         if let Some(bar) = BAR.get().filter(|bar| !bar.is_hidden()) {
             bar.set_style(style("{spinner} {msg}"));
-            bar.set_message(format!("{stage} {what}"));
+            bar.set_message(text::line(&format!("{stage} {what}")));
             bar.enable_steady_tick(Duration::from_millis(100));
         }
     }
@@ -68,14 +74,13 @@ impl Reporter {
         let hundredths = (progress.done.clamp(0.0, 1.0) * 100.0) as u32;
         if self.json && self.reported.replace(hundredths) != hundredths {
             let stage = self.stage.get();
-            let object = serde_json::json!({ "stage": stage, "pass": progress.pass, "done": progress.done });
-            line(&object.to_string());
+            object(&serde_json::json!({ "stage": stage, "pass": progress.pass, "done": progress.done }));
         }
         if let Some(bar) = BAR.get().filter(|bar| !bar.is_hidden()) {
             if bar.position() == 0 {
                 bar.set_style(style("{bar:40} {percent:>3} %  {elapsed} of {duration}  {msg}"));
             }
-            bar.set_message(progress.pass.to_owned());
+            bar.set_message(text::line(progress.pass));
             bar.set_position((progress.done * 1000.0) as u64);
         }
     }
@@ -92,8 +97,8 @@ impl Reporter {
     pub(super) fn note(&self, note: &str) {
         match (self.quiet, self.json) {
             (true, _) => {}
-            (_, true) => line(&serde_json::json!({ "note": note }).to_string()),
-            _ => line(&format!("note: {note}")),
+            (_, true) => object(&serde_json::json!({ "note": text::shortened(note) })),
+            _ => line(&format!("note: {}", text::line(note))),
         }
     }
 }
@@ -110,6 +115,10 @@ fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
+fn object(object: &serde_json::Value) {
+    line(&text::json(&object.to_string()));
+}
+
 fn line(text: &str) {
     let _ = Log { json: false }.write_all(format!("{text}\n").as_bytes());
 }
@@ -123,7 +132,7 @@ struct Log {
 impl Write for Log {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let log = || serde_json::json!({ "log": String::from_utf8_lossy(bytes).trim_end() });
-        let object = self.json.then(|| format!("{}\n", log()));
+        let object = self.json.then(|| format!("{}\n", text::json(&log().to_string())));
         let text = object.as_ref().map_or(bytes, String::as_bytes);
         let write = || io::stderr().write_all(text).map(|()| bytes.len());
         match BAR.get() {

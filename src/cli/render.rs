@@ -14,10 +14,10 @@ use crate::output::{self, extension};
 use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, Preview, Renderer, RendererOptions, Resume};
 use crate::scene::{Environment, LoadOptions, MAX_RADIANCE, SceneProfile};
+use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
 use glam::Vec3;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -69,9 +69,10 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     reporter.stage("render", &name);
     let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
-    // What can't be written shows when the last picture is.
+    // What can't be written shows when the last picture is. A pipe would hold one behind the other.
+    let replaced: Vec<_> = outputs.iter().filter(|file| !output::is_stream(file)).collect();
     let show = |frame: &Frame| {
-        for file in &outputs {
+        for file in &replaced {
             if let Err(error) = picture::write(file, &origin, &config, frame) {
                 tracing::warn!("{error}");
             }
@@ -119,6 +120,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         reporter.warning(&not_finite.line());
     }
 
+    interrupt::finishing();
     reporter.stage("write", &name);
     let mut report = header(&config, &renderer, &profile, &frame, seen);
     if args.explain {
@@ -144,14 +146,16 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         }
         picture::write(file, &origin, &config, &frame)?;
         let what = content(file, &config, &frame);
-        let _ = writeln!(report, "{}: {what}, {}", file.display(), extent(&config));
+        let _ = writeln!(report, "{}: {what}, {}", text::path(file), extent(&config));
     }
     for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
         output::write_exr(file, &picture::tapped(tap, layer))?;
-        let _ = writeln!(report, "{}: {tap}, {}x{}", file.display(), layer.width, layer.height);
+        let _ =
+            writeln!(report, "{}: {}, {}x{}", text::path(file), text::line(tap), layer.width, layer.height);
     }
     let mut economy = None;
     if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+        interrupt::heeded();
         reporter.stage("economy", &name);
         match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
             Ok(measured) => {
@@ -175,7 +179,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
             economy.as_ref(),
         );
         output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
-        let _ = writeln!(report, "{}: statistics", file.display());
+        let _ = writeln!(report, "{}: statistics", text::path(file));
     }
     drop(reporter);
     if !args.machine.quiet {
@@ -336,7 +340,7 @@ fn header(
     let lights = renderer.scene().lights.len();
     let mut text = format!(
         "scene: {}, {} triangles, {lights} light{}\n",
-        renderer.scene().name,
+        text::line(&renderer.scene().name),
         profile.triangles,
         if lights == 1 { "" } else { "s" },
     );

@@ -11,10 +11,10 @@ use crate::output;
 use crate::renderer::Progress;
 use crate::stress::data::{self, Row, Verdict};
 use crate::stress::{self, Options, report};
+use crate::text;
 use crate::vk::{self, DeviceOptions};
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::Path;
 
 const PAGE: &str = "index.html";
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Stress) -> Result<(), Failure> {
     if !args.machine.quiet {
         let mut text = table(&stress.rows);
         if let Some(folder) = &args.output {
-            let _ = writeln!(text, "\n{}: {PAGE} and {NUMBERS}", folder.display());
+            let _ = writeln!(text, "\n{}: {PAGE} and {NUMBERS}", text::path(folder));
         }
         print(&text)?;
     }

@@ -5,6 +5,7 @@ use super::{
     resource::Desc,
     times::PassTime,
 };
+use crate::text::{printable, printable_lines};
 use serde::{Serialize, Serializer, ser::SerializeMap};
 use std::fmt::Write;
 
@@ -43,14 +44,14 @@ impl Plan {
     pub fn dot(&self, times: &[PassTime]) -> String {
         let mut dot = String::from("digraph plan {\n  rankdir=LR;\n  node [fontname=\"sans-serif\"];\n");
         for (r, resource) in self.resources.iter().enumerate().filter(|(_, r)| r.lifetime.is_some()) {
-            let label = format!("{}\n{}", resource.name, describe(resource));
+            let label = format!("{}\n{}", printable(&resource.name), describe(resource));
             let style = if resource.imported { " peripheries=2" } else { "" };
             line(&mut dot, &format!("r{r} [shape=ellipse{style} label={}]", quote(&label)));
         }
         for (p, pass) in self.passes.iter().enumerate() {
-            let mut label = pass.path.clone();
+            let mut label = printable(&pass.path).into_owned();
             if let Some(shader) = &pass.shader {
-                let _ = write!(label, "\n{shader}");
+                let _ = write!(label, "\n{}", printable(shader));
             }
             if let Some([x, y, z]) = pass.groups {
                 let _ = write!(label, " {x}×{y}×{z}");
@@ -61,7 +62,7 @@ impl Plan {
                     let _ = write!(label, "\nbarrier {} → {} ({what})", barrier.before, barrier.after);
                 }
                 for &image in &barrier.initialise {
-                    let _ = write!(label, "\ninitialise {}", self.resources[image].name);
+                    let _ = write!(label, "\ninitialise {}", printable(&self.resources[image].name));
                 }
             }
             if let Some(ms) = times.iter().find(|time| time.path == pass.path).and_then(|time| time.ms) {
@@ -69,7 +70,7 @@ impl Plan {
             }
             line(&mut dot, &format!("p{p} [shape=box label={}]", quote(&label)));
             for access in &pass.accesses {
-                let (r, variable) = (access.resource, quote(&access.variable));
+                let (r, variable) = (access.resource, quote(&printable(&access.variable)));
                 if access.reads {
                     line(&mut dot, &format!("r{r} -> p{p} [label={variable}]"));
                 }
@@ -79,7 +80,7 @@ impl Plan {
             }
         }
         for (c, culled) in self.culled.iter().enumerate() {
-            let label = quote(&format!("{}\nculled: {}", culled.path, culled.why));
+            let label = quote(&format!("{}\nculled: {}", printable(&culled.path), printable(&culled.why)));
             line(&mut dot, &format!("c{c} [shape=box style=dashed label={label}]"));
         }
         dot.push_str("}\n");
@@ -135,8 +136,10 @@ fn describe(resource: &PlannedResource) -> String {
     format!("{what}\n{place}, passes {first}..={last}")
 }
 
+/// A label in quotes; its lines begin where it ends them.
 fn quote(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n"))
+    let text = printable_lines(text).replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{}\"", text.replace('\n', "\\n"))
 }
 
 fn line(dot: &mut String, text: &str) {

@@ -127,6 +127,10 @@ impl ReadPicture {
 /// The file cannot be read, or is not an OpenEXR file of pixels.
 pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
     let fail = |source| Error { file: file.into(), source };
+    // A pipe cannot be sought in, and opening one may never return.
+    if !file.metadata().map_err(fail)?.is_file() {
+        return Err(fail(io::Error::new(io::ErrorKind::InvalidInput, "is not a file")));
+    }
     let meta = exr::meta::MetaData::read_from_file(file, false).map_err(|error| fail(io_error(error)))?;
     // Once more as 32-bit floats.
     let room = Budget::of_process().take(crate::read::exr_bytes(&meta).saturating_mul(3));

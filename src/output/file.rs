@@ -1,13 +1,49 @@
 use super::Error;
+use crate::files::{self, Unfinished};
 use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, PoisonError};
 
-/// Files being written, so that a program that is told to stop can take them away.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// Where contents go.
+pub trait Sink: Write + Seek {}
+
+impl<T: Write + Seek> Sink for T {}
+
+/// What [`write_file`] is writing to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Writing {
+    /// A file, which takes no longer than the disk does.
+    File,
+    /// A pipe or a device, which may have to be waited for without end.
+    Stream,
+}
+
+/// How many of each kind are being written.
+static WRITING: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
+
+/// What is being written at this moment, for a program that is told to stop.
+#[must_use]
+pub fn writing() -> Option<Writing> {
+    let at = |what: &Writing| WRITING[*what as usize].load(Ordering::SeqCst) > 0;
+    [Writing::Stream, Writing::File].into_iter().find(at)
+}
+
+struct Guard(Writing);
+
+impl Guard {
+    fn new(what: Writing) -> Self {
+        WRITING[what as usize].fetch_add(1, Ordering::SeqCst);
+        Self(what)
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        WRITING[self.0 as usize].fetch_sub(1, Ordering::SeqCst);
+    }
+}
 
 /// A file name's extension in lower case.
 #[must_use]
@@ -20,48 +56,56 @@ pub fn extension(file: &Path) -> Option<String> {
 /// # Errors
 /// Names the file and what stands in its way.
 pub fn check_writable(file: &Path) -> Result<(), Error> {
-    let fail = |source| Error { file: file.into(), source };
-    match place(file).map_err(fail)? {
-        Place::Device(_) => Ok(()),
-        Place::File(target) => Unfinished::create(&target).map(drop).map_err(fail),
-    }
+    let check = || match place(file)? {
+        Place::Stream(target) => check_stream(&target),
+        Place::File(target) => Unfinished::new(&target).map(drop),
+    };
+    check().map_err(|source| Error { file: file.into(), source })
 }
 
-/// Writes a file whole or not at all; one that exists is replaced. Pipes and devices are written directly.
+/// Whether `file` is a pipe or a device, which keeps all that is written to it and is not replaced.
+#[must_use]
+pub fn is_stream(file: &Path) -> bool {
+    matches!(place(file), Ok(Place::Stream(_)))
+}
+
+/// Writes a file whole or not at all; one that exists is replaced. Pipes and devices get all of it at once, a pipe as
+/// soon as somebody reads it.
 ///
 /// # Errors
 /// What `content` or the system says, with the file's name.
-pub fn write_file(
-    file: &Path,
-    content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> Result<(), Error> {
+pub fn write_file(file: &Path, content: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), Error> {
     let write = || match place(file)? {
-        Place::Device(target) => {
-            let mut writer = BufWriter::new(File::options().write(true).open(target)?);
-            content(&mut writer)?;
-            writer.flush()
+        Place::Stream(target) => {
+            let mut memory = Memory::default();
+            content(&mut memory)?;
+            let _writing = Guard::new(Writing::Stream);
+            open_stream(&target)?.write_all(memory.0.get_ref()).map_err(|error| match error.kind() {
+                io::ErrorKind::BrokenPipe => io::Error::new(error.kind(), "its reader left before the end"),
+                _ => error,
+            })
         }
         Place::File(target) => {
-            let (unfinished, beside) = Unfinished::create(&target)?;
-            let mut writer = BufWriter::new(beside);
+            let _writing = Guard::new(Writing::File);
+            let unfinished = Unfinished::new(&target)?;
+            let mut writer = BufWriter::new(unfinished.file());
             content(&mut writer)?;
-            writer.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-            fs::rename(&unfinished.0, target)
+            writer.into_inner().map_err(io::IntoInnerError::into_error)?;
+            unfinished.put()
         }
     };
     write().map_err(|source| Error { file: file.into(), source })
 }
 
-/// Removes files that are being written at this moment, for a program about to exit in the middle of it.
+/// Removes files that are being written at this moment, for a program about to exit in the middle of it; nothing is
+/// written to a file after.
 pub fn discard_unfinished() {
-    for path in UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-        let _ = fs::remove_file(path);
-    }
+    files::discard_unfinished();
 }
 
 enum Place {
     File(PathBuf),
-    Device(PathBuf),
+    Stream(PathBuf),
 }
 
 fn place(file: &Path) -> io::Result<Place> {
@@ -69,32 +113,76 @@ fn place(file: &Path) -> io::Result<Place> {
     let target = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
     match fs::metadata(&target) {
         Ok(metadata) if metadata.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory)),
-        Ok(metadata) if !metadata.is_file() => Ok(Place::Device(target)),
+        Ok(metadata) if !metadata.is_file() => Ok(Place::Stream(target)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ if file.file_name().is_none() => Err(io::Error::from(io::ErrorKind::InvalidFilename)),
         _ => Ok(Place::File(target)),
     }
 }
 
-/// A file beside its place, removed when dropped (after a rename there is nothing to remove).
-struct Unfinished(PathBuf);
+/// Asks without opening: whoever reads a pipe would take its closing for the end.
+#[cfg(unix)]
+fn check_stream(target: &Path) -> io::Result<()> {
+    use std::os::unix::fs::FileTypeExt;
+    if fs::metadata(target)?.file_type().is_socket() {
+        return Err(io::Error::new(
+            io::ErrorKind::Unsupported,
+            "is a socket, which no file can be written to",
+        ));
+    }
+    Ok(rustix::fs::access(target, rustix::fs::Access::WRITE_OK)?)
+}
 
-impl Unfinished {
-    fn create(target: &Path) -> io::Result<(Self, File)> {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let name = format!(".parhelion-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let path = target.with_file_name(name);
-        let mut list = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        let file = File::create(&path)?;
-        list.push(path.clone());
-        Ok((Self(path), file))
+#[cfg(unix)]
+fn open_stream(target: &Path) -> io::Result<File> {
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    use std::os::unix::fs::OpenOptionsExt;
+    let mut options = File::options();
+    options.write(true);
+    match options.clone().custom_flags(OFlags::NONBLOCK.bits() as i32).open(target) {
+        Ok(stream) => {
+            fcntl_setfl(&stream, fcntl_getfl(&stream)? - OFlags::NONBLOCK)?;
+            Ok(stream)
+        }
+        Err(error) if error.raw_os_error() == Some(rustix::io::Errno::NXIO.raw_os_error()) => {
+            check_stream(target)?;
+            tracing::warn!("{}: waiting for somebody to read this pipe", target.display());
+            options.open(target)
+        }
+        Err(error) => Err(error),
     }
 }
 
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        let mut list = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        let _ = fs::remove_file(&self.0);
-        list.retain(|path| *path != self.0);
+#[cfg(not(unix))]
+fn check_stream(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn open_stream(target: &Path) -> io::Result<File> {
+    File::options().write(true).open(target)
+}
+
+/// Contents of what cannot be sought in; too little memory is an error.
+#[derive(Default)]
+struct Memory(Cursor<Vec<u8>>);
+
+impl Write for Memory {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let end = self.0.position().saturating_add(bytes.len() as u64);
+        let more = usize::try_from(end).unwrap_or(usize::MAX).saturating_sub(self.0.get_ref().len());
+        self.0.get_mut().try_reserve(more).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Memory {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.seek(to)
     }
 }
 

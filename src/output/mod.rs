@@ -7,7 +7,9 @@ mod magma;
 mod png;
 
 pub use exr::{Attribute, Channels, Picture, ReadPicture, read_exr, write_exr};
-pub use file::{check_writable, discard_unfinished, extension, write_file};
+pub use file::{
+    Sink, Writing, check_writable, discard_unfinished, extension, is_stream, write_file, writing,
+};
 pub use magma::magma;
 pub use png::write_png;
 

@@ -1,16 +1,42 @@
 //! Pages that are one file each: style, program and data within, so that they open from disk and need no network.
 
+use crate::text::printable;
 use serde::Serialize;
+use serde_json::Value;
+use std::borrow::Cow;
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// Puts the shared style, the shared script and `data` in the places that `template` marks.
 ///
-/// Of the JSON every `<` is escaped, which outside strings it never has, so that nothing in it ends its element.
+/// Of the JSON every `<` is escaped, which outside strings it never has, so that nothing in it ends its element, and what
+/// would turn or break a line of text is shown in its place.
 pub(crate) fn fill(template: &str, data: &impl Serialize) -> String {
-    let json = serde_json::to_string(data).expect("maps with text as keys").replace('<', "\\u003c");
+    let mut data = serde_json::to_value(data).expect("maps with text as keys");
+    show(&mut data);
+    let json = data.to_string().replace('<', "\\u003c");
     template.replace("{{style}}", STYLE).replace("{{script}}", SCRIPT).replace("{{data}}", &json)
+}
+
+/// Makes all texts in `data` printable.
+fn show(data: &mut Value) {
+    match data {
+        Value::String(text) => {
+            if let Cow::Owned(printable) = printable(text) {
+                *text = printable;
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(show),
+        Value::Object(members) => {
+            let shown = std::mem::take(members).into_iter().map(|(name, mut value)| {
+                show(&mut value);
+                (printable(&name).into_owned(), value)
+            });
+            *members = shown.collect();
+        }
+        _ => {}
+    }
 }
 
 /// A `data:` URL of a file's contents.
@@ -34,6 +60,12 @@ fn base64(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_in_the_data_ends_it_or_turns_its_text() {
+        let page = fill("{{data}}", &serde_json::json!({ "a\u{202e}": ["</script>\u{1b}[1m\u{85}\n", 1] }));
+        assert_eq!(page, r#"{"a\\u{202e}":["\u003c/script>\\u{1b}[1m\\u{85}\\n",1]}"#);
+    }
 
     /// The test vectors of RFC 4648.
     #[test]

@@ -1,6 +1,7 @@
 //! The report for people.
 
 use super::{AMPLIFICATION, APPROACHES, PictureError, Report, Row, VPLS};
+use crate::text::markdown;
 use std::fmt::Write;
 
 impl Report {
@@ -8,13 +9,14 @@ impl Report {
     /// pictures.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut text = format!("# {}: the experiment of Marques and Santos (2010)\n\n", self.scene.name);
+        let mut text =
+            format!("# {}: the experiment of Marques and Santos (2010)\n\n", markdown(&self.scene.name));
         if !self.complete {
             let rows = VPLS.len() * APPROACHES.len();
             let _ = writeln!(text, "**Not complete**: {} of {rows} rows are there.\n", self.rows.len());
         }
         let [width, height] = self.base.size;
-        let (scene, camera) = (&self.scene, &self.camera);
+        let (scene, camera) = (&self.scene, markdown(&self.camera));
         let s = if scene.lights == 1 { "" } else { "s" };
         let how = match self.repeat {
             0 => "one render each, so that a busy machine shows".into(),
@@ -23,7 +25,9 @@ impl Report {
         let _ = writeln!(
             text,
             "- scene: {}, {} triangles, {} light{s}; camera {camera}",
-            scene.name, scene.triangles, scene.lights
+            markdown(&scene.name),
+            scene.triangles,
+            scene.lights
         );
         let _ = writeln!(text, "- picture: {width}x{height}, one sample a pixel, seed {}", self.base.seed);
         let _ = writeln!(text, "- device: {} ({}), {}", self.device.name, self.driver, how);

@@ -5,11 +5,11 @@ use super::prepared::Prepared;
 use super::request::{BackendChoice, FrameRequest, RendererOptions};
 use super::submit::Renderer;
 use crate::config::RenderConfig;
+use crate::files;
 use crate::read;
 use crate::scene::{Scene, builtin};
 use crate::vk::{self, Backend, DeviceInfo, DeviceKind};
 use std::fmt;
-use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -91,9 +91,7 @@ fn timing(device: &vk::Device) -> Result<Timing, Error> {
     if let Some(file) = cache_file(device.info()) {
         // A cache that cannot be written is only slower next time.
         let text = serde_json::to_vec(&timing).unwrap_or_default();
-        let beside = file.with_extension(std::process::id().to_string());
-        let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, &file));
-        if let Err(error) = written {
+        if let Err(error) = files::write_cache(&file, &text) {
             tracing::debug!("{}: {error}", file.display());
         }
     }
@@ -120,7 +118,6 @@ fn time(device: &vk::Device, scene: &Scene) -> Result<Timing, Error> {
 
 fn cache_file(info: &DeviceInfo) -> Option<PathBuf> {
     let folder = vk::cache_folder()?;
-    fs::create_dir_all(&folder).ok()?;
     Some(folder.join(format!(
         "backend-{}-{}-{}.json",
         info.uuid,

@@ -213,6 +213,9 @@ impl Renderer {
             if request.noise.is_some() && next_check > taken {
                 samples = samples.min(next_check - taken);
             }
+            // What is cut short in the middle of a sample is no picture; nor is there one before the first.
+            let cancel = request.cancel.filter(|_| taken == 0);
+            let watch = Watch { cancel, ..watch };
             stepper.take(self, samples, &watch)?;
             stepper.settle(ahead, &watch)?;
             seconds_a_sample = stepper.seconds_a_sample();

@@ -462,6 +462,7 @@ impl Stepper {
             scene: Some(&scene),
             pass_times: watch.pass_times,
             alias: grown || width * height > UNSHARED_PIXELS,
+            cancel: watch.cancel,
             ..RunOptions::default()
         };
         let flight = renderer.executor.submit(g, &options)?;

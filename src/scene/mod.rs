@@ -55,7 +55,13 @@ use std::path::Path;
 /// [`SceneError`] names the file, the element and the defect.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     if let Some(name) = path.to_str().and_then(|path| path.strip_prefix("builtin:")) {
-        return builtin::by_name(name);
+        let scene = builtin::by_name(name)?;
+        return match &options.scene {
+            Some(asked) => {
+                Err(SceneError::new(path, "scenes", format!("no scene `{asked}`: it is one scene")))
+            }
+            None => Ok(scene),
+        };
     }
     let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     match extension.as_deref() {

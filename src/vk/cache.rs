@@ -2,12 +2,14 @@
 //!
 //! The file is a hint: whatever is wrong with it, the pipelines are compiled again.
 
-use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::DeviceInfo;
 use super::select::Limits;
+use crate::{files, read};
+
+/// Largest file read (bytes); the largest seen were a few million.
+const MOST: u64 = 1 << 28;
 
 const MAGIC: &[u8; 8] = b"PHLPIPE1";
 /// Magic, checksum, length.
@@ -50,9 +52,10 @@ pub(super) fn default_file(info: &DeviceInfo) -> Option<PathBuf> {
     Some(cache_folder()?.join(format!("pipelines-{}-{}.bin", info.uuid, info.driver_version)))
 }
 
-/// The driver's data in `file`; nothing where the file is absent, damaged, or another driver's.
+/// The driver's data in `file`; nothing where the file is absent, damaged, another driver's, or no file: a pipe, a
+/// device, a folder.
 pub(super) fn load(file: &Path, owner: &Owner) -> Vec<u8> {
-    let bytes = match fs::read(file) {
+    let bytes = match read::regular(file, MOST) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Vec::new(),
         Err(e) => {
@@ -70,17 +73,9 @@ pub(super) fn load(file: &Path, owner: &Owner) -> Vec<u8> {
     Vec::new()
 }
 
-/// Writes `data` beside `file` and renames it into place, so that no reader sees half of it.
+/// Writes `data` so that no reader sees half of it; not to what is there and is no file.
 pub(super) fn save(file: &Path, data: &[u8]) -> std::io::Result<()> {
-    let Some(directory) = file.parent() else { return Ok(()) };
-    fs::create_dir_all(directory)?;
-    let beside = file.with_extension(format!("{}.tmp", std::process::id()));
-    let written = fs::File::create(&beside).and_then(|mut f| f.write_all(&wrap(data)));
-    let result = written.and_then(|()| fs::rename(&beside, file));
-    if result.is_err() {
-        let _ = fs::remove_file(&beside);
-    }
-    result
+    files::write_cache(file, &wrap(data))
 }
 
 fn wrap(data: &[u8]) -> Vec<u8> {
@@ -106,6 +101,7 @@ fn checksum(data: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     const OWNER: Owner = Owner { vendor: 0x10de, device: 0x2330, uuid: *b"0123456789abcdef" };
 
@@ -129,6 +125,28 @@ mod tests {
         assert_eq!(load(&file, &OWNER), data);
         let others = fs::read_dir(file.parent().unwrap()).unwrap().count();
         assert_eq!(others, 1, "nothing is left beside the file");
+    }
+
+    #[test]
+    fn what_is_no_file_is_neither_read_nor_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("cache.bin");
+        let ignored = || {
+            assert!(load(&place, &OWNER).is_empty());
+            save(&place, &driver_data(OWNER)).unwrap();
+            assert!(!fs::metadata(&place).unwrap().is_file());
+        };
+        fs::create_dir(&place).unwrap();
+        ignored();
+        fs::remove_dir(&place).unwrap();
+        #[cfg(unix)]
+        {
+            assert!(std::process::Command::new("mkfifo").arg(&place).status().unwrap().success());
+            ignored();
+            fs::remove_file(&place).unwrap();
+            std::os::unix::fs::symlink("/dev/zero", &place).unwrap();
+            ignored();
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::instance::Instance;
 use super::probe::{Probe, RAY_QUERY_EXTENSIONS};
 use super::queue::Queue;
 use super::select::{DeviceInfo, DeviceKind, Limits, select};
-use super::{Backend, Error, ValidationLog, debug};
+use super::{Backend, Error, ValidationLog, debug, manifest};
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -56,12 +56,15 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`Error::NoLoader`], [`Error::NoDevice`], [`Error::NoSuchDevice`] or [`Error::Unsuitable`], which names
+    /// [`Error::NoLoader`], [`Error::NoDevice`], [`Error::NoDriver`], [`Error::NoSuchDevice`] or [`Error::Unsuitable`], which names
     /// all that is missing; otherwise what the driver said.
     pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         let validation = options.validation || std::env::var("PARHELION_VALIDATION").is_ok_and(|v| v == "1");
         let instance = Instance::new(validation)?;
         let mut probes = instance.probe()?;
+        if probes.is_empty() {
+            return Err(manifest::no_driver());
+        }
         let infos: Vec<_> = probes.iter().map(|p| p.info.clone()).collect();
         let Probe { physical, queue_family, info, limits } =
             probes.swap_remove(select(&infos, options.select.as_deref())?);

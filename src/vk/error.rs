@@ -18,6 +18,12 @@ pub enum Error {
         /// One line a device that was found: its name and what it lacks.
         found: Vec<String>,
     },
+    /// Drivers are installed, or named by the environment, and none works.
+    #[error("no suitable Vulkan device: no driver works: {}", .manifests.join("; "))]
+    NoDriver {
+        /// One line a manifest: its file and what is wrong.
+        manifests: Vec<String>,
+    },
     /// The device asked for does not exist.
     #[error("no Vulkan device matches `{asked}`; there {}", devices(.available))]
     NoSuchDevice {
@@ -129,6 +135,7 @@ impl Error {
         match self {
             Self::NoLoader { .. }
             | Self::NoDevice { .. }
+            | Self::NoDriver { .. }
             | Self::NoSuchDevice { .. }
             | Self::Unsuitable { .. }
             | Self::NoRayQuery { .. } => ErrorClass::Device,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ash::{ext, vk};
 
-use super::{Error, ValidationLog, debug};
+use super::{Error, ValidationLog, debug, manifest};
 
 /// An instance and its messenger.
 pub(super) struct Instance {
@@ -20,21 +20,22 @@ pub(super) struct Instance {
 impl Instance {
     pub(super) fn new(validation: bool) -> Result<Self, Error> {
         let no_loader = |reason: String| Error::NoLoader { reason };
+        manifest::check()?;
         // SAFETY: the loader is a well-behaved library; `_entry` keeps it loaded as long as the instance.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| no_loader(e.to_string()))?;
         // SAFETY: a query without preconditions, as are the two below.
         let version = unsafe { entry.try_enumerate_instance_version() }
-            .map_err(Error::vulkan("vkEnumerateInstanceVersion", "loader"))?
+            .map_err(of_loader("vkEnumerateInstanceVersion"))?
             .unwrap_or(vk::API_VERSION_1_0);
         if version < vk::API_VERSION_1_3 {
             return Err(no_loader(format!("the one found is {}, 1.3 is needed", version_string(version))));
         }
         // SAFETY: as above.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }
-            .map_err(Error::vulkan("vkEnumerateInstanceLayerProperties", "loader"))?;
+            .map_err(of_loader("vkEnumerateInstanceLayerProperties"))?;
         // SAFETY: as above.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
-            .map_err(Error::vulkan("vkEnumerateInstanceExtensionProperties", "loader"))?;
+            .map_err(of_loader("vkEnumerateInstanceExtensionProperties"))?;
 
         let has_layer = layers.iter().any(|l| l.layer_name_as_c_str() == Ok(debug::VALIDATION_LAYER));
         if validation && !has_layer {
@@ -74,8 +75,8 @@ impl Instance {
         // SAFETY: the layer and extensions named exist; the log outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
             // The loader's word for having found no driver at all.
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice { found: Vec::new() },
-            result => Error::vulkan("vkCreateInstance", "instance")(result),
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => manifest::no_driver(),
+            result => of_loader("vkCreateInstance")(result),
         })?;
         let mut instance = Self { raw, debug_utils, messenger: None, log, _entry: entry };
         if debug_utils {
@@ -87,6 +88,14 @@ impl Instance {
             instance.messenger = Some((fns, messenger));
         }
         Ok(instance)
+    }
+}
+
+/// Maps the loader's own failures.
+fn of_loader(call: &'static str) -> impl FnOnce(vk::Result) -> Error {
+    move |result| {
+        let broken = (result == vk::Result::ERROR_OUT_OF_HOST_MEMORY).then(manifest::broken_layer).flatten();
+        broken.unwrap_or_else(|| Error::vulkan(call, "loader")(result))
     }
 }
 

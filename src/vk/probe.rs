@@ -6,13 +6,14 @@ use ash::{khr, vk};
 
 use super::instance::{Instance, has_extension, version_string};
 use super::select::{DeviceInfo, DeviceKind, Limits, score};
-use super::{Error, Format};
+use super::{Error, Format, manifest};
 
 /// The devices of this machine, unsuitable ones too, in the loader's order.
 ///
 /// # Errors
 ///
-/// [`Error::NoLoader`] without a Vulkan loader. No device at all is an empty list.
+/// [`Error::NoLoader`] without a Vulkan loader, [`Error::NoDriver`] where drivers are installed and none works. No driver
+/// at all is an empty list.
 pub fn enumerate() -> Result<Vec<DeviceInfo>, Error> {
     match Instance::new(false) {
         Ok(instance) => Ok(instance.probe()?.into_iter().map(|p| p.info).collect()),
@@ -36,8 +37,11 @@ pub(super) struct Probe {
 impl Instance {
     pub(super) fn probe(&self) -> Result<Vec<Probe>, Error> {
         // SAFETY: a query without preconditions.
-        let devices = unsafe { self.raw.enumerate_physical_devices() }
-            .map_err(Error::vulkan("vkEnumeratePhysicalDevices", "instance"))?;
+        let devices = unsafe { self.raw.enumerate_physical_devices() }.map_err(|result| match result {
+            // The loader's word for drivers of which none has a device.
+            vk::Result::ERROR_INITIALIZATION_FAILED => manifest::no_driver(),
+            result => Error::vulkan("vkEnumeratePhysicalDevices", "instance")(result),
+        })?;
         devices.into_iter().enumerate().map(|(index, d)| self.probe_device(index, d)).collect()
     }
 

@@ -18,7 +18,7 @@ use crate::graph::{
     resource::Desc,
     work::{Object, Work},
 };
-use crate::vk::{self, Backend, Pipelines, SceneSet};
+use crate::vk::{self, Backend, Pipelines};
 use std::{
     fmt,
     sync::{Arc, Mutex, Weak, atomic::Ordering},
@@ -73,7 +73,7 @@ impl Executor {
     pub fn submit(&mut self, graph: Graph, options: &RunOptions<'_>) -> Result<InFlight, Error> {
         let planned = self.plans.of(&self.device, &graph, options.alias)?;
         check_objects(&graph, &planned.plan)?;
-        let kernels = self.kernels(&graph, &planned.plan, options.scene)?;
+        let kernels = self.kernels(&graph, &planned.plan, options)?;
         if !self.transients.serve(&planned.plan) {
             // Where nobody uses the ones before, their memory is free for those that follow.
             let before = Arc::get_mut(&mut self.transients).map(std::mem::take);
@@ -134,7 +134,7 @@ impl Executor {
         &self,
         graph: &Graph,
         plan: &Plan,
-        scene: Option<&Arc<SceneSet>>,
+        RunOptions { scene, cancel, .. }: &RunOptions<'_>,
     ) -> Result<Vec<Option<Kernel>>, Error> {
         let kernel = |pass: &PlannedPass| {
             let Work::Kernel(work) = &graph.passes[pass.recorded].work else { return Ok(None) };
@@ -143,6 +143,10 @@ impl Executor {
                 None if work.code.uses_scene => "uses the scene, and the run has none".to_owned(),
                 Some(set) if set.backend() != self.backend => {
                     format!("runs with {:?}, the scene is for {:?}", self.backend, set.backend())
+                }
+                // Compiling takes seconds on some drivers.
+                _ if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) => {
+                    return Err(Error::Cancelled);
                 }
                 _ => {
                     let pipeline = self.pipelines.get(&work.code, &work.spec, self.backend)?;

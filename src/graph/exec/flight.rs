@@ -230,7 +230,7 @@ impl Flight {
             let want = match rate {
                 // A part of unknown length is kept apart from the rest where only whole submits can be timed.
                 None if !self.device.info().timestamps && !self.intervals.is_empty() => return Ok(()),
-                None => rest.left() * PROBE,
+                None => PROBE,
                 Some(rate) => {
                     let room = (self.submit_ms - self.expected) / rate;
                     if rest.left() > room && self.expected > 0.0 {

@@ -17,7 +17,8 @@ pub struct RunOptions<'a> {
     /// off, independent passes overlap and only the whole is timed ([`Run::device_ms`](super::Run::device_ms)).
     /// Passes that never ran before are timed in any case.
     pub pass_times: bool,
-    /// Asked by [`Executor::run`](super::Executor::run) between submits; where it is true the run ends with
+    /// Asked before each pipeline is compiled and by [`Executor::run`](super::Executor::run) between submits; where it is
+    /// true the run ends with
     /// [`Error::Cancelled`](crate::graph::Error::Cancelled).
     pub cancel: Option<&'a AtomicBool>,
     /// Told by [`Executor::run`](super::Executor::run) after each submit how far the run is.

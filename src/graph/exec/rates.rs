@@ -6,9 +6,9 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-/// An unknown kernel starts with this part of its workgroups, and each further band has at most
+/// An unknown kernel starts with this many workgroups, few enough for any device, and each further band has at most
 /// [`GROWTH`] times the one before until its speed is known for the whole grid.
-pub(super) const PROBE: f64 = 1.0 / 256.0;
+pub(super) const PROBE: f64 = 4.0;
 const GROWTH: f64 = 8.0;
 
 /// A pass whose milliseconds a workgroup are known: path, kernel and workgroups.
