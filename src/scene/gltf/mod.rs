@@ -764,7 +764,7 @@ impl Context<'_> {
         const HAIR: f32 = 1e-3;
         let wide = outer > FRAC_PI_2 && outer <= FRAC_PI_2 * (1.0 + HAIR);
         let narrow = inner >= outer && inner <= outer * (1.0 + HAIR);
-        let negative = inner < 0.0 && inner >= -HAIR;
+        let negative = (-HAIR..0.0).contains(&inner);
         if wide || narrow || negative {
             let problem = format!("its cone angles are {inner} and {outer}");
             let element = format!("extensions.KHR_lights_punctual.lights[{index}].spot");

@@ -47,7 +47,7 @@ impl Context<'_> {
             at = self.parents[node];
         }
         for node in way.into_iter().rev() {
-            world = world * self.local_transform(node, worlds.exact)?;
+            world *= self.local_transform(node, worlds.exact)?;
             worlds.known[node] = Some(world);
         }
         Ok(world)
@@ -89,7 +89,7 @@ impl Context<'_> {
                     return Ok(None);
                 }
                 let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
-                *joint = *joint * DAffine3::from_mat4(matrix);
+                *joint *= DAffine3::from_mat4(matrix);
             }
         }
         if joints.iter().any(|joint| !joint.is_finite()) {
