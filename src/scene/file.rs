@@ -156,6 +156,14 @@ pub(super) fn shortened(name: &str) -> String {
     format!("{start}… ({} bytes)", name.len())
 }
 
+/// Most bytes that decoding a picture takes, its texels included; 0 of what is none.
+pub(super) fn decoded_size(bytes: &[u8]) -> u64 {
+    let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let (width, height) = reader.ok().and_then(|reader| reader.into_dimensions().ok()).unwrap_or_default();
+    // At 16 bits a channel as they are stored, as RGBA, and as its two planes.
+    u64::from(width) * u64::from(height) * 24
+}
+
 /// Decodes PNG or JPEG of any depth and colour type into RGBA, of 16 bits a channel where 8 do not hold what is there.
 pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
     let corrupt = |error: &dyn std::fmt::Display| format!("can't be decoded: {error}");

@@ -4,6 +4,7 @@ use super::{MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
 use glam::{Affine3A, Vec3};
 use std::cell::RefCell;
 use std::collections::HashSet;
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
 use std::path::{Path, PathBuf};
 
 /// How a file is read.
@@ -28,8 +29,8 @@ struct Kind {
     remedy: &'static str,
     /// The first of them, in words.
     first: String,
-    /// Where they are; a file read twice has each of them once.
-    places: HashSet<(PathBuf, String)>,
+    /// Hashes of where they are; a file read twice has each of them once.
+    places: HashSet<u64>,
 }
 
 impl Mended {
@@ -62,7 +63,7 @@ impl Mended {
                 kinds.last_mut().expect("just added")
             }
         };
-        kind.places.insert((file.clone(), element.clone()));
+        kind.places.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one((file, element)));
         Ok(())
     }
 
