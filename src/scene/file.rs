@@ -167,15 +167,7 @@ const OTHER_FORMATS: &[(usize, &[u8], &str)] = &[
 ];
 
 /// Decodes PNG or JPEG of any depth and colour type into RGBA, of 16 bits a channel where 8 do not hold what is there.
-pub(super) fn decode_image(name: &str, bytes: &[u8]) -> Result<Image, String> {
-    decode_within(name, bytes, &mut Budget::of_process()).map_err(|fault| match fault {
-        Fault::Broken(problem) => problem,
-        Fault::Short(shortage) => shortage.to_string(),
-    })
-}
-
-/// The same within a budget.
-pub(super) fn decode_within(name: &str, bytes: &[u8], budget: &mut Budget) -> Result<Image, Fault> {
+pub(super) fn decode_image(name: &str, bytes: &[u8], budget: &mut Budget) -> Result<Image, Fault> {
     let corrupt = |error: &dyn std::fmt::Display| format!("can't be decoded: {error}");
     let open = || image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let mut reader = open().map_err(|e| corrupt(&e))?;

@@ -5,6 +5,7 @@ use crate::memory::Budget;
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::cell::RefCell;
 use std::collections::HashSet;
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
 use std::path::{Path, PathBuf};
 
 /// How a file is read.
@@ -32,8 +33,8 @@ struct Kind {
     remedy: &'static str,
     /// The first of them, in words.
     first: String,
-    /// Where they are; a file read twice has each of them once.
-    places: HashSet<(PathBuf, String)>,
+    /// Hashes of where they are; a file read twice has each of them once.
+    places: HashSet<u64>,
 }
 
 impl Mended {
@@ -66,7 +67,7 @@ impl Mended {
                 kinds.last_mut().expect("just added")
             }
         };
-        kind.places.insert((file.clone(), element.clone()));
+        kind.places.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one((file, element)));
         Ok(())
     }
 

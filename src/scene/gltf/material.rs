@@ -2,7 +2,7 @@
 
 use super::container;
 use super::context::Context;
-use crate::scene::file::{self, decode_within};
+use crate::scene::file::{self, decode_image};
 use crate::scene::limits::{MAX_IOR, MAX_TEXELS};
 use crate::scene::{
     AlphaMode, Clearcoat, Fault, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
@@ -285,7 +285,7 @@ impl Context<'_> {
                 },
                 _ => return Err(Fault::from("it needs either a uri or a bufferView")),
             };
-            let image = decode_within(&name, &bytes, &mut self.budget.borrow_mut())?;
+            let image = decode_image(&name, &bytes, &mut self.budget.borrow_mut())?;
             // The encoded bytes are gone.
             self.budget.replace(before);
             self.take::<[u8; 4]>(image.texels.len())?;
