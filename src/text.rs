@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn names_in_markdown_stay_text() {
-        assert_eq!(markdown("a|b <i>*x*\n`"), "a\\|b \\<i\\>\\*x\\* \\\\n\\`");
+        assert_eq!(markdown("a|b <i>*x*\n`"), "a\\|b \\<i\\>\\*x\\*\\\\n\\`");
     }
 
     #[test]
