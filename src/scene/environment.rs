@@ -1,5 +1,5 @@
-use super::import::Mended;
 use super::limits::{Checked, MAX_IMAGE_SIDE, MAX_RADIANCE};
+use super::mend::Mended;
 use super::{LoadOptions, SceneError, file};
 use crate::memory::Budget;
 use crate::read;

@@ -13,6 +13,7 @@ mod import;
 mod light;
 mod limits;
 mod material;
+mod mend;
 mod mesh;
 mod origin;
 mod profile;
@@ -31,7 +32,6 @@ use error::Fault;
 pub use error::SceneError;
 pub use feature::Feature;
 pub(crate) use import::FRAMED;
-pub use import::LoadOptions;
 pub use light::{Light, LightKind};
 pub use limits::{
     MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
@@ -42,6 +42,7 @@ pub use material::{
     Wrap,
 };
 pub(crate) use material::{TextureUse, srgb_to_linear};
+pub use mend::LoadOptions;
 pub use mesh::{Instance, Mesh};
 pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;

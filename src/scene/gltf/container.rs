@@ -2,7 +2,7 @@
 
 use crate::memory::Budget;
 use crate::scene::file::{self, Files};
-use crate::scene::import::Mended;
+use crate::scene::mend::Mended;
 use crate::scene::{Fault, SceneError};
 use std::borrow::Cow;
 use std::cell::RefCell;

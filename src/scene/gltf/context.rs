@@ -1,6 +1,6 @@
 use crate::memory::{Budget, Shortage};
 use crate::scene::file::Files;
-use crate::scene::import::Mended;
+use crate::scene::mend::Mended;
 use crate::scene::{Fault, SceneError};
 use ::gltf::json;
 use std::borrow::Cow;

@@ -13,7 +13,8 @@ mod skin;
 mod tidy;
 
 use super::file::{self, Files};
-use super::import::{self, Mended};
+use super::import;
+use super::mend::Mended;
 use super::origin::{self, Around};
 use super::{
     Camera, Fault, Instance, Light, LightKind, LoadOptions, MAX_TRIANGLES, Material, Scene, SceneError, View,
@@ -73,9 +74,6 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
     "MSFT_packing_normalRoughnessMetallic",
     "MSFT_packing_occlusionRoughnessMetallic",
 ];
-
-/// What is done about defects that leave the picture as it is.
-const UNNEEDED: &str = "nothing shown needs it";
 
 /// Loads a `.gltf` or `.glb` file.
 ///
@@ -382,7 +380,7 @@ impl Context<'_> {
             if empty {
                 return Err(defect);
             }
-            self.mended.mend(self.file, defect, UNNEEDED)?;
+            self.mended.mend(self.file, defect, tidy::UNNEEDED)?;
         }
         self.note(&mut scene, &tally, animations, ranged);
         scene.notes.extend(self.mended.notes());
@@ -551,7 +549,7 @@ impl Context<'_> {
         for (i, used) in used[..count].iter().enumerate() {
             let material = match self.material(i) {
                 Err(defect) if !used => {
-                    self.mended.mend(self.file, defect, UNNEEDED)?;
+                    self.mended.mend(self.file, defect, tidy::UNNEEDED)?;
                     Material::default()
                 }
                 material => material?,

@@ -1,7 +1,6 @@
 //! JSON before it is typed: cut to what is read of it, in the types that are expected.
 
-use super::UNNEEDED;
-use crate::scene::import::Mended;
+use crate::scene::mend::Mended;
 use crate::scene::{SceneError, file};
 use ::gltf::json::accessor::Accessor;
 use ::gltf::json::validation::Checked;
@@ -10,6 +9,9 @@ use serde_json::{Map, Number, Value, json};
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::Path;
+
+/// What is done about defects that leave the picture as it is.
+pub(super) const UNNEEDED: &str = "nothing shown needs it";
 
 /// What is read of a value.
 enum Shape {

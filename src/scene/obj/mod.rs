@@ -48,10 +48,6 @@ use std::path::Path;
 use text::{brief, split, statements, uncommented};
 use vertices::Vertices;
 
-/// Remedies that several kinds of statements share.
-const COMMA: &str = "it is taken for a decimal point";
-const CUT: &str = "what follows the numbers of a statement is left out";
-
 /// Loads an `.obj` file and the `.mtl` files it names.
 ///
 /// # Errors
@@ -235,7 +231,11 @@ impl<'a> Reader<'a> {
             match self.corner(line, word)? {
                 Some(corner) => corners.push(corner),
                 None if corners.len() >= 3 && !word.starts_with(|c: char| c.is_ascii_digit() || c == '-') => {
-                    self.mend(line, format!("`{}` is not a corner of a face", file::shortened(word)), CUT)?;
+                    self.mend(
+                        line,
+                        format!("`{}` is not a corner of a face", file::shortened(word)),
+                        text::CUT,
+                    )?;
                     break;
                 }
                 None => {
@@ -284,7 +284,7 @@ impl<'a> Reader<'a> {
         let (material, stands_in) = match self.material {
             Some(material) => (material, self.library.lacks_color.contains(&material)),
             None => {
-                let gray = || Material { base_color: Vec4::new(0.8, 0.8, 0.8, 1.0), ..plain("default") };
+                let gray = || Material { base_color: Vec4::new(0.8, 0.8, 0.8, 1.0), ..mtl::plain("default") };
                 (*self.default.get_or_insert_with(|| add(gray())), true)
             }
         };
@@ -376,8 +376,3 @@ impl<'a> Reader<'a> {
 /// Of a vertex with all there can be.
 const VERTEX_BYTES: usize =
     size_of::<Corner>() + 2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<Vec4>();
-
-/// A surface without a specular lobe, two-sided as OBJ's are.
-fn plain(name: &str) -> Material {
-    Material::diffuse(name, Vec3::ONE)
-}

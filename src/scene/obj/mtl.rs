@@ -1,7 +1,7 @@
 //! Statements of a material, and the material they make.
 
 use super::picture::Channel;
-use super::text::{Numbers, finite, number};
+use super::text::{COMMA, CUT, Numbers, finite, number};
 use crate::scene::{AlphaMode, Clearcoat, Material, NormalMap, TextureRef, TextureTransform, Volume, Wrap};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -130,8 +130,8 @@ impl Mtl {
             _ => values.copy_from_slice(&numbers.values()[..3]),
         }
         let mut taken = match (numbers.comma, numbers.rest.or(numbers.values().get(count).map(|_| code))) {
-            (Some(word), _) => Taken::But(format!("`{word}` has a comma"), super::COMMA),
-            (None, Some(rest)) => Taken::But(format!("`{rest}` follows a number"), super::CUT),
+            (Some(word), _) => Taken::But(format!("`{word}` has a comma"), COMMA),
+            (None, Some(rest)) => Taken::But(format!("`{rest}` follows a number"), CUT),
             (None, None) => Taken::All,
         };
         let (low, high) = match keyword {
@@ -198,7 +198,7 @@ impl Mtl {
             } else {
                 textures.alpha.unwrap_or(AlphaMode::Opaque)
             },
-            ..super::plain(&self.name)
+            ..plain(&self.name)
         };
         let full = |material: &mut Material| {
             material.specular = 1.0;
@@ -321,4 +321,9 @@ impl Map {
         map.file = if file.join(" ").len() == code.len() { rest.to_owned() } else { file.join(" ") };
         (!map.file.is_empty()).then_some(map)
     }
+}
+
+/// A surface without a specular lobe, two-sided as OBJ's are.
+pub(super) fn plain(name: &str) -> Material {
+    Material::diffuse(name, Vec3::ONE)
 }

@@ -3,7 +3,7 @@
 use super::text;
 use crate::memory::{Budget, Shortage};
 use crate::scene::file::{self, Files, Found};
-use crate::scene::import::Mended;
+use crate::scene::mend::Mended;
 use crate::scene::{Fault, Image, LoadOptions, SceneError};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};

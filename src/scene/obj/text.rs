@@ -3,6 +3,10 @@
 use crate::read;
 use std::borrow::Cow;
 
+/// Remedies that several kinds of statements share.
+pub(super) const COMMA: &str = "it is taken for a decimal point";
+pub(super) const CUT: &str = "what follows the numbers of a statement is left out";
+
 /// What bytes say, and whether they are UTF-16. Names may be in any encoding; what is not UTF-8 is read as Latin-1.
 pub(super) fn decoded(bytes: Vec<u8>) -> (String, bool) {
     let units = |bytes: &[u8], of: fn([u8; 2]) -> u16| -> Vec<u16> {

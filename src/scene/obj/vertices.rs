@@ -1,7 +1,7 @@
 //! Vertices, texture coordinates and normals of a whole file, for faces may come before them.
 
 use super::source::Source;
-use super::text::{Numbers, finite, split, statements, uncommented};
+use super::text::{COMMA, CUT, Numbers, finite, split, statements, uncommented};
 use crate::scene::{MAX_VERTICES, SceneError, import, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -200,11 +200,11 @@ fn check(
     more: Option<&str>,
 ) -> Result<(), SceneError> {
     if let Some(word) = numbers.comma {
-        source.mend(source.path, line, format!("`{word}` has a comma"), super::COMMA)?;
+        source.mend(source.path, line, format!("`{word}` has a comma"), COMMA)?;
     }
     if let Some(rest) = numbers.rest.or(more) {
         let problem = format!("`{}` is more than a number of it", crate::scene::file::shortened(rest));
-        source.mend(source.path, line, problem, super::CUT)?;
+        source.mend(source.path, line, problem, CUT)?;
     }
     Ok(())
 }
