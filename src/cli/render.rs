@@ -12,7 +12,7 @@ use crate::config::RenderConfig;
 use crate::denoise::Denoiser;
 use crate::output::{self, extension};
 use crate::picture::{self, Origin};
-use crate::renderer::{self, Frame, FrameRequest, Preview, Renderer, RendererOptions, Resume};
+use crate::renderer::{self, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume};
 use crate::scene::{Environment, LoadOptions, MAX_RADIANCE, SceneProfile};
 use crate::text;
 use crate::vk::{self, DeviceKind, DeviceOptions};
@@ -95,6 +95,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         ..FrameRequest::default()
     };
     let frame = renderer.render(&config, &camera, &request)?;
+    interrupt::finishing();
 
     // What has been rendered is told, whatever becomes of what follows.
     let mut failed = None;
@@ -109,18 +110,24 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         reporter.note(&line);
     }
 
-    let not_finite = match renderer.not_finite(&config, &camera, &frame) {
-        Ok(not_finite) => not_finite,
-        Err(error) => {
-            failed = failed.or(Some(error));
-            None
+    let mut not_finite = NotFinite::of(&config, &frame);
+    if let Some(not_finite) = &mut not_finite {
+        if failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+            match renderer.pass_not_finite(
+                &config,
+                &camera,
+                &frame,
+                not_finite.first,
+                Some(&interrupt::CANCEL),
+            ) {
+                Ok(pass) => not_finite.pass = pass,
+                Err(renderer::Error::Cancelled) => {}
+                Err(error) => failed = Some(error),
+            }
         }
-    };
-    if let Some(not_finite) = &not_finite {
         reporter.warning(&not_finite.line());
     }
 
-    interrupt::finishing();
     reporter.stage("write", &name);
     let mut report = header(&config, &renderer, &profile, &frame, seen);
     if args.explain {

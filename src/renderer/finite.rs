@@ -10,6 +10,7 @@ use crate::graph::{Desc, Typical};
 use crate::layer::Layer;
 use crate::scene::Camera;
 use crate::vk::Format;
+use std::sync::atomic::AtomicBool;
 
 /// Pixels of a picture that are not finite.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -26,6 +27,17 @@ pub struct NotFinite {
 }
 
 impl NotFinite {
+    /// What of a frame that was drawn with `config` is not finite: of beauty, else of the first layer that has such pixels.
+    /// The pass is not known yet.
+    #[must_use]
+    pub fn of(config: &RenderConfig, frame: &Frame) -> Option<Self> {
+        let layers = frame.aovs.iter().map(|(aov, layer)| (aov.name(), layer));
+        let mut layers = std::iter::once(("beauty", &frame.beauty)).chain(layers);
+        let (layer, (pixels, first)) = layers.find_map(|(name, layer)| Some((name, odd_pixels(layer)?)))?;
+        let ([x, y, ..], width) = (config.window(), frame.beauty.width);
+        Some(Self { layer, pixels, first: [x + first % width, y + first / width], pass: None })
+    }
+
     /// In words.
     #[must_use]
     pub fn line(&self) -> String {
@@ -40,37 +52,17 @@ impl NotFinite {
 }
 
 impl Renderer {
-    /// What of a frame that was drawn with `config` is not finite: of beauty, else of the first layer that has such pixels.
-    /// Only where there are some, one pixel is drawn again to find the pass.
+    /// The first pass whose image is not finite at a pixel of a frame, which is drawn again by itself.
     ///
     /// # Errors
-    /// The device's failure.
-    pub fn not_finite(
-        &mut self,
-        config: &RenderConfig,
-        camera: &Camera,
-        frame: &Frame,
-    ) -> Result<Option<NotFinite>, Error> {
-        let layers = frame.aovs.iter().map(|(aov, layer)| (aov.name(), layer));
-        let mut layers = std::iter::once(("beauty", &frame.beauty)).chain(layers);
-        let Some((layer, (pixels, first))) =
-            layers.find_map(|(name, layer)| Some((name, odd_pixels(layer)?)))
-        else {
-            return Ok(None);
-        };
-        let [x0, y0, ..] = config.window();
-        let first = [x0 + first % frame.beauty.width, y0 + first / frame.beauty.width];
-        let pass = self.pass_of(config, camera, frame, first)?;
-        Ok(Some(NotFinite { layer, pixels, first, pass }))
-    }
-
-    /// The first pass of this pixel's own frame whose image is not finite.
-    fn pass_of(
+    /// [`Error::Cancelled`], or the device's failure.
+    pub fn pass_not_finite(
         &mut self,
         config: &RenderConfig,
         camera: &Camera,
         frame: &Frame,
         [x, y]: [u32; 2],
+        cancel: Option<&AtomicBool>,
     ) -> Result<Option<String>, Error> {
         let mut config = RenderConfig { crop: Some([x, y, x + 1, y + 1]), ..config.clone() };
         if let (Some(progressive), Some(samples)) = (&config.method.progressive, frame.samples) {
@@ -87,7 +79,7 @@ impl Renderer {
             let written = pass.accesses.iter().filter(|access| access.writes && is_float(access.resource));
             taps.extend(written.map(|access| format!("{}:{}", pass.path, access.variable)));
         }
-        let request = FrameRequest { aovs: &aovs, taps: &taps, ..FrameRequest::default() };
+        let request = FrameRequest { aovs: &aovs, taps: &taps, cancel, ..FrameRequest::default() };
         let drawn = self.render(&config, camera, &request)?;
         let odd = drawn.taps.into_iter().find(|(_, layer)| odd_pixels(layer).is_some());
         Ok(odd.map(|(pass, _)| pass))
