@@ -301,6 +301,9 @@ fn try_mutants(goods: &[Good], count: u64) {
             assert!(begun.elapsed() < LONGEST, "mutant {number} of {name}: {:?}", begun.elapsed());
             std::fs::write(&good.file, &good.bytes).unwrap();
         }
+        if (number + 1).is_power_of_two() {
+            println!("{fine} mutants read, {refused} refused so far");
+        }
     }
     println!("{fine} mutants read, {refused} refused");
 }
