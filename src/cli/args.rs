@@ -71,7 +71,7 @@ pub(super) struct SceneFile {
     /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
     pub(super) scene: Option<PathBuf>,
     /// Scene of a file that holds several, by name or index [default: the one that the file names].
-    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE, hide_short_help = true)]
+    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE)]
     pub(super) which: Option<String>,
     /// Folder that files of the scene may lie in beside its own; repeatable.
     ///

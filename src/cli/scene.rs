@@ -76,9 +76,9 @@ fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
         .or_else(|| named(&|name| name.to_lowercase() == word.to_lowercase()));
     found.cloned().ok_or_else(|| {
         let cameras = scene.cameras.iter().enumerate().map(|(i, camera)| match &camera.camera_name {
-            Some(name) if *name != camera.name => format!("{i} is `{}` (`{name}`)", camera.name),
-            _ => format!("{i} is `{}`", camera.name),
+            Some(name) if *name != camera.name => format!("{i}: {} ({name})", camera.name),
+            _ => format!("{i}: {}", camera.name),
         });
-        input!("--camera: no camera `{word}`; number {}", cameras.collect::<Vec<_>>().join(", "))
+        input!("--camera: no camera `{word}`; choose among {}", cameras.collect::<Vec<_>>().join(", "))
     })
 }
