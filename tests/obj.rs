@@ -2,8 +2,10 @@
 
 mod common;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
-use parhelion::scene::{self, AlphaMode, LoadOptions, Scene, SceneError, Wrap};
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3, Vec4};
+use parhelion::scene::{self, AlphaMode, LoadOptions, Material, Scene, SceneError, Wrap};
+use proptest::prelude::*;
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -193,8 +195,7 @@ fn what_leaves_the_picture_is_mended_and_noted() {
         let note = scene.notes.iter().find(is_it).unwrap_or_else(|| panic!("{name}: {:?}", scene.notes));
         assert!(note.contains(remedy), "{name}: {note}");
         // All of the square is there, and what its material was if that is known.
-        let area: f32 = scene.world_triangles().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
-        assert!(area >= 0.999, "{name}: {area}");
+        assert!(scene.area() >= 0.999, "{name}: {}", scene.area());
         let material = &scene.materials[*scene.meshes[0].materials.last().unwrap() as usize];
         let known = !remedy.starts_with("default");
         assert_eq!(material.name, if known { "red paint" } else { "default" }, "{name}");
@@ -331,4 +332,371 @@ fn triangles_are_those_of_tobj() {
     let distinct = |t: &&[Vec3; 3]| (t[1] - t[0]).as_dvec3().cross((t[2] - t[0]).as_dvec3()) != DVec3::ZERO;
     assert!(ours.len() > 200);
     assert!(ours.iter().eq(theirs.iter().filter(distinct)));
+}
+
+/// Load as `name.obj` what `corners` and the faces between them are.
+fn polygons(corners: &[[f64; 3]], faces: &str) -> Scene {
+    let mut text: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    text.push_str(faces);
+    load_obj(&text, "").unwrap()
+}
+
+#[test]
+fn concave_polygons_and_walls_with_windows_are_covered_once() {
+    // Turned about an oblique axis, and as it is.
+    for turn in [DQuat::IDENTITY, DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -3.0).normalize(), 0.9)] {
+        let placed = |corners: &[[f64; 2]]| -> Vec<[f64; 3]> {
+            corners.iter().map(|&[x, y]| (turn * DVec3::new(x, y, 0.0)).to_array()).collect()
+        };
+        let facing = (turn * DVec3::Z).as_vec3();
+        let check = |scene: &Scene, area: f64| {
+            assert!((scene.area() - area).abs() < 1e-5 * area, "{} in place of {area}", scene.area());
+            for [a, b, c] in scene.world_triangles() {
+                assert!((b - a).cross(c - a).normalize().dot(facing) > 0.99, "it faces as the polygon does");
+            }
+            assert!(!scene.notes.iter().any(|note| note.contains("polygon")), "{:?}", scene.notes);
+        };
+        let ell = placed(&[[1.0, 0.0], [0.0, 0.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]);
+        check(&polygons(&ell, "f 1 2 3 4 5 6"), 3.0);
+        let arrow = placed(&[[0.0, 1.0], [-1.0, -1.0], [0.0, -0.5], [1.0, -1.0]]);
+        for face in ["f 1 2 3 4", "f 2 3 4 1", "f 3 4 1 2", "f 4 1 2 3"] {
+            check(&polygons(&arrow, face), 1.5);
+        }
+        // A wall of 4 × 3 with a window of 2 × 1 and one of 1 × 0.5, joined by double edges, their corners shared or not.
+        let wall = [
+            [0.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 3.0],
+            [0.0, 3.0],
+            [1.0, 1.0],
+            [1.0, 2.0],
+            [3.0, 2.0],
+            [3.0, 1.0],
+            [3.25, 0.25],
+            [3.25, 0.75],
+            [3.75, 0.75],
+            [3.75, 0.25],
+        ];
+        let wall = placed(&wall);
+        check(&polygons(&wall[..8], "f 1 2 3 4 1 5 6 7 8 5"), 10.0);
+        check(&polygons(&wall, "f 1 2 9 10 11 12 9 2 3 4 1 5 6 7 8 5"), 9.75);
+        let apart: Vec<_> = [0, 1, 2, 3, 0, 4, 5, 6, 7, 4].map(|i| wall[i]).into();
+        check(&polygons(&apart, "f 1 2 3 4 5 6 7 8 9 10"), 10.0);
+        // The outside's last edge is given as well.
+        check(&polygons(&wall[..8], "f 1 2 3 4 1 5 6 7 8 5 1"), 10.0);
+    }
+}
+
+/// The only material, its pictures and the notes of a square with this library; `maps` lie beside it.
+fn painted(mtl: &str, maps: &[(&str, Vec<u8>)]) -> (Material, Scene) {
+    let (folder, path) = folder(OBJ.as_bytes(), format!("newmtl red paint\n{mtl}\n").as_bytes());
+    for (name, bytes) in maps {
+        write(folder.path(), name, bytes);
+    }
+    let scene = load(&path).unwrap();
+    let used = scene.meshes[0].materials[0];
+    (scene.materials[used as usize].clone(), scene)
+}
+
+fn gray(v: u8) -> [u8; 4] {
+    [v, v, v, 255]
+}
+
+#[test]
+fn opacity_is_the_alpha_of_the_base_colour() {
+    let maps = [
+        ("hole.png", png(2, &[gray(0), gray(255), gray(255), gray(0)])),
+        ("mist.png", png(2, &[gray(0), gray(60), gray(120), gray(200)])),
+        ("leaf.png", png(2, &[[1, 2, 3, 0], [4, 5, 6, 255], [7, 8, 9, 255], [10, 11, 12, 0]])),
+        ("rgb.png", png(1, &[[10, 200, 30, 255]])),
+    ];
+    let of = |mtl| {
+        let (material, scene) = painted(mtl, &maps);
+        let image = material.base_color_texture.unwrap().image as usize;
+        (material, scene.images[image].texels.clone(), scene)
+    };
+    let (material, texels, scene) = of("Kd 1 0.5 0.25\nmap_d hole.png");
+    assert_eq!(material.alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
+    assert_eq!(material.base_color, Vec4::new(1.0, 0.5, 0.25, 1.0), "no map, no change of colour");
+    let white = |alpha| [255, 255, 255, alpha];
+    assert_eq!(texels, [white(0), white(255), white(255), white(0)]);
+    assert_eq!(scene.images.len(), 1);
+    let (material, texels, _) = of("map_Kd rgb.png\nmap_d mist.png");
+    assert_eq!((material.alpha_mode, material.base_color), (AlphaMode::Blend, Vec4::ONE));
+    assert_eq!(texels, [0, 60, 120, 200].map(|alpha| [10, 200, 30, alpha]));
+    // One picture for both: its own alpha, once.
+    let (material, texels, scene) = of("map_Kd leaf.png\nmap_d leaf.png");
+    assert_eq!(material.alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
+    assert_eq!(texels, [[1, 2, 3, 0], [4, 5, 6, 255], [7, 8, 9, 255], [10, 11, 12, 0]]);
+    assert_eq!(scene.images.len(), 1);
+    let (_, texels, _) = of("map_d -imfchan g rgb.png");
+    assert_eq!(texels, [white(200)]);
+    assert_eq!(of("d 0.5\nmap_d hole.png").0.alpha_mode, AlphaMode::Blend);
+    // A colour's alpha without a map_d means nothing, as before.
+    let (material, texels, _) = of("map_Kd leaf.png");
+    assert_eq!((material.alpha_mode, texels[0]), (AlphaMode::Opaque, [1, 2, 3, 0]));
+}
+
+#[test]
+fn heights_and_normals_are_normal_maps() {
+    // Heights that grow by 51/255 a texel to the right.
+    let ramp: Vec<_> = (0..4).flat_map(|_| (0..4).map(|x| gray(51 * x))).collect();
+    let normals = [[128, 128, 255, 255], [160, 100, 245, 255]];
+    let maps = [("ramp.png", png(4, &ramp)), ("normals.png", png(2, &normals))];
+    let of = |mtl| {
+        let (material, scene) = painted(mtl, &maps);
+        let map = material.normal_map.unwrap();
+        (map.scale, scene.images[map.texture.image as usize].clone(), scene)
+    };
+    for (mtl, scale) in
+        [("bump ramp.png", 1.0), ("map_Bump -bm 0.5 ramp.png", 0.5), ("map_bump ramp.png -bm 3", 3.0)]
+    {
+        let (found, image, scene) = of(mtl);
+        assert_eq!(found, scale, "{mtl}");
+        assert_eq!(scene.images.len(), 1, "heights themselves are of no use");
+        let texel = |i: usize| {
+            let (high, low) = (image.texels[i], image.texels[16 + i]);
+            let decode = |c: usize| f64::from(u16::from_be_bytes([high[c], low[c]])) / 32767.5 - 1.0;
+            DVec3::new(decode(0), decode(1), decode(2))
+        };
+        // Inside the slope is 0.2; over the edge, where the picture begins again, (0.2 − 0.6)/2.
+        for (x, slope) in [(0, -0.2), (1, 0.2), (2, 0.2), (3, -0.2)] {
+            let expected = DVec3::new(-slope, 0.0, 1.0).normalize();
+            assert!((texel(4 + x) - expected).length() < 1e-4, "{mtl} {x}: {}", texel(4 + x));
+        }
+    }
+    let (_, clamped, _) = of("bump -clamp on ramp.png");
+    let slope = |i: usize| {
+        let decode = |c: usize| {
+            f64::from(u16::from_be_bytes([clamped.texels[i][c], clamped.texels[16 + i][c]])) / 32767.5 - 1.0
+        };
+        -decode(0) / decode(2)
+    };
+    assert!((slope(0) - 0.1).abs() < 1e-4 && (slope(3) - 0.1).abs() < 1e-4, "{} {}", slope(0), slope(3));
+    for mtl in ["norm normals.png", "map_Norm normals.png", "norm -bm 2 normals.png"] {
+        let (scale, image, scene) = of(mtl);
+        assert_eq!(
+            (scale, &image.texels[..]),
+            (if mtl.contains("-bm") { 2.0 } else { 1.0 }, &normals[..]),
+            "{mtl}"
+        );
+        assert!(!scene.notes.iter().any(|note| note.contains("normals.png")), "{:?}", scene.notes);
+    }
+    let (_, image, scene) = of("bump normals.png");
+    assert_eq!(image.texels, normals);
+    assert!(scene.notes.iter().any(|note| note.contains("shows normals, not heights")), "{:?}", scene.notes);
+    assert!(!scene.meshes[0].tangents.is_empty(), "normal maps need tangents");
+}
+
+#[test]
+fn physical_statements_are_metallic_and_rough() {
+    let maps = [
+        ("rough.png", png(2, &[gray(0), gray(51), gray(102), gray(255)])),
+        ("metal.png", png(1, &[[10, 200, 30, 255]])),
+    ];
+    let of = |mtl: &str| painted(mtl, &maps);
+    let (material, _) =
+        of("Kd 0.5 0.25 0.125\nKs 1 0 0\nNs 30\nPr 0.25\nPm 0.75\nPc 0.5\nPcr 0.125\nPs 0.5\nKe 1 2 3");
+    assert_eq!((material.roughness, material.metallic), (0.25, 0.75));
+    assert_eq!((material.specular, material.specular_color), (1.0, Vec3::ONE), "Ks is another model's");
+    assert_eq!(material.emission, Vec3::new(1.0, 2.0, 3.0));
+    let coat = material.clearcoat.unwrap();
+    assert_eq!((coat.factor, coat.roughness), (0.5, 0.125));
+    let (material, _) = of("Kd 0.5\nNs 30\nPm 1");
+    assert!((material.roughness - 0.5).abs() < 1e-6, "without Pr it is that of Ns");
+    assert_eq!(material.metallic, 1.0);
+    let (material, scene) = of("map_Pr rough.png\nmap_Pm -imfchan g metal.png");
+    assert_eq!((material.roughness, material.metallic), (1.0, 1.0));
+    let image = material.metallic_roughness_texture.unwrap().image as usize;
+    assert_eq!(scene.images[image].texels, [0, 51, 102, 255].map(|rough| [255, rough, 200, 255]));
+    let (material, scene) = of("Pr 0.5\nmap_Pr rough.png");
+    assert_eq!((material.roughness, material.metallic), (0.5, 0.0), "maps are multiplied");
+    assert_eq!(scene.images[0].texels, [0, 51, 102, 255].map(|rough| [255, rough, 255, 255]));
+    // One that is not there is as if it had not been named.
+    let (material, _) = of(
+        "Ns 30\nmap_Pr gone.png\nmap_Pm gone.png\nmap_Ke gone.png\nmap_Ks gone.png\nmap_d gone.png\nnorm gone.png",
+    );
+    let (plain, _) = of("Ns 30");
+    assert_eq!(format!("{material:?}"), format!("{plain:?}"));
+    let (material, _) = of("map_Ks metal.png\nmap_Ke metal.png");
+    assert_eq!((material.specular, material.emission), (1.0, Vec3::ONE));
+    assert!(material.specular_color_texture.is_some() && material.emission_texture.is_some());
+}
+
+#[test]
+fn vertex_colours_are_srgb_and_all_there_is() {
+    let linear = |v: f32| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+    let corners = |white: f32| -> String {
+        let color = |(i, [r, g, b]): (usize, [f32; 3])| {
+            format!("v {} {} 0 {} {} {}\n", i % 2, i / 2, r * white, g * white, b * white)
+        };
+        [[0.0, 0.02, 0.2], [0.4, 0.6, 0.8], [1.0; 3]].into_iter().enumerate().map(color).collect()
+    };
+    for white in [1.0, 255.0] {
+        for (paint, expected) in
+            [("", 1.0), ("mtllib room.mtl\nusemtl dull\n", 1.0), ("mtllib room.mtl\nusemtl own\n", 0.5)]
+        {
+            let text = format!("{}{paint}f 1 2 3\n", corners(white));
+            let scene = load_obj(&text, "newmtl dull\nNs 10\nnewmtl own\nKd 0.5 0.5 0.5\n").unwrap();
+            let mesh = &scene.meshes[0];
+            let found = [mesh.colors[0].z, mesh.colors[1].x, mesh.colors[0].y, mesh.colors[2].x];
+            let is = [linear(0.2), linear(0.4), linear(0.02), 1.0];
+            for (found, is) in found.into_iter().zip(is) {
+                assert!((found - is).abs() < 1e-5, "{found} instead of {is}");
+            }
+            let material = &scene.materials[mesh.materials[0] as usize];
+            assert_eq!(material.base_color, Vec3::splat(expected).extend(1.0), "`{paint}`");
+            let told = scene.notes.iter().any(|note| note.contains("255 is taken for white"));
+            assert_eq!(told, white == 255.0, "{:?}", scene.notes);
+        }
+    }
+    // Faces without colours beside those with them keep the stand-in.
+    let scene =
+        load_obj(&format!("{}v 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\nf 4 5 6\n", corners(1.0)), "").unwrap();
+    let colors: Vec<_> =
+        scene.meshes[0].materials.iter().map(|&i| scene.materials[i as usize].base_color.x).collect();
+    assert_eq!(colors, [1.0, 0.8]);
+}
+
+/// Marks, old line ends and numbers in other programs' ways change nothing.
+#[test]
+fn text_of_any_system_is_the_same() {
+    let plain = load_obj(OBJ, MTL).unwrap();
+    let crlf = |text: &str| text.replace('\n', "\r\n");
+    let cr = |text: &str| text.replace('\n', "\r");
+    let mark = |text: &str| format!("\u{feff}{text}");
+    let upper = |text: &str| {
+        text.replace("newmtl", "NewMtl").replace("Kd", "KD").replace("\nv", "\nV").replace("usemtl", "USEMTL")
+    };
+    for change in [crlf as fn(&str) -> String, cr, mark, upper] {
+        let scene = load_obj(&change(OBJ), &change(MTL)).unwrap();
+        assert_eq!(format!("{scene:?}"), format!("{plain:?}"));
+    }
+    let wide = |text: &str| -> Vec<u8> { mark(text).encode_utf16().flat_map(u16::to_le_bytes).collect() };
+    let (_folder, path) = folder(&wide(OBJ), MTL.as_bytes());
+    expect("UTF-16", load(&path), "room.obj", "file", &["UTF-16"]);
+    let (_folder, path) = folder(OBJ.as_bytes(), &wide(MTL));
+    expect("UTF-16", scene::load(&path, &strict()), "room.obj", "line 2", &["`room.mtl` is UTF-16"]);
+    assert_eq!(load(&path).unwrap().materials[0].name, "default");
+}
+
+/// A picture is found from its library's folder too, and nothing outside is.
+#[test]
+fn files_are_found_in_the_scenes_folder_alone() {
+    let outer = tempfile::tempdir().unwrap();
+    let texels = |v| png(1, &[gray(v)]);
+    write(outer.path(), "secret.png", &texels(1));
+    write(outer.path(), "model/Maps/Oak.png", &texels(2));
+    write(outer.path(), "model/lib/room.mtl", b"newmtl red paint\nmap_Kd near.png\n");
+    write(outer.path(), "model/lib/near.png", &texels(3));
+    let with = |mtl: &str| {
+        write(outer.path(), "model/room.mtl", format!("newmtl red paint\nmap_Kd {mtl}\n").as_bytes());
+        load(&write(outer.path(), "model/room.obj", OBJ.as_bytes())).unwrap()
+    };
+    for name in [
+        "maps/oak.PNG",
+        "..\\textures\\Maps\\Oak.png",
+        "C:\\models\\maps\\oak.png",
+        "/home/me/maps/OAK.png",
+        "\"Maps/Oak.png\"",
+    ] {
+        let scene = with(name);
+        assert_eq!(scene.images.len(), 1, "{name}: {:?}", scene.notes);
+        assert_eq!(scene.images[0].texels, [gray(2)], "{name}");
+    }
+    let absolute = outer.path().join("secret.png").display().to_string();
+    for name in [
+        "../secret.png",
+        &absolute,
+        "https://example.org/secret.png",
+        "data:image/png;base64,AAAA",
+        "\0",
+        "//",
+    ] {
+        let scene = with(name);
+        assert!(scene.images.is_empty(), "{name}");
+        assert!(
+            scene.notes.iter().any(|note| note.contains("without such pictures")),
+            "{name}: {:?}",
+            scene.notes
+        );
+    }
+    let text = OBJ.replace("room.mtl", "lib/room.mtl");
+    let scene = scene::load(&write(outer.path(), "model/room.obj", text.as_bytes()), &strict()).unwrap();
+    assert_eq!(scene.images[0].texels, [gray(3)], "beside its library");
+}
+
+#[cfg(unix)]
+#[test]
+fn hostile_files_end() {
+    let (folder, path) = folder(OBJ.as_bytes(), MTL.as_bytes());
+    let reload = |text: &str| load(&write(folder.path(), "room.obj", text.as_bytes()));
+    let mut line = String::from("# ");
+    line.extend(std::iter::repeat_n('x', 10_000_000));
+    for text in [
+        format!("{line}\n{OBJ}"),
+        format!("{OBJ}usemtl {line}\n"),
+        format!("{line}").split_off(2) + "\n" + OBJ,
+    ] {
+        let scene = reload(&text).unwrap();
+        assert!(scene.notes.iter().all(|note| note.len() < 1000));
+    }
+    expect(
+        "long word",
+        reload(&format!("{OBJ}f 1 2 {line}x\n").replace("# x", "x")),
+        "room.obj",
+        "line 16",
+        &["not a corner"],
+    );
+    // Libraries that are the scene, a pipe, a folder.
+    let pipe = folder.path().join("pipe.mtl");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    std::fs::create_dir(folder.path().join("folder.mtl")).unwrap();
+    for library in ["room.obj", "pipe.mtl", "folder.mtl", "/dev/zero", "\0"] {
+        let scene = reload(&OBJ.replace("room.mtl", library)).unwrap();
+        assert!(!scene.notes.is_empty(), "{library}");
+    }
+    for picture in ["pipe.mtl", "folder.mtl", "room.obj", "/dev/zero"] {
+        write(
+            folder.path(),
+            "room.mtl",
+            format!("newmtl red paint\nmap_d {picture}\nmap_Kd {picture}\nbump {picture}\n").as_bytes(),
+        );
+        let scene = load(&write(folder.path(), "room.obj", OBJ.as_bytes())).unwrap();
+        assert_eq!(scene.images.len(), 0, "{picture}");
+    }
+    let _ = path;
+    // A million corners: convex, and not.
+    for depth in [1.0, 0.5] {
+        let count = 1_000_000;
+        let (mut text, mut face) = (String::new(), String::from("f"));
+        for i in 0..count {
+            let at = DVec2::from_angle(TAU * f64::from(i) / f64::from(count))
+                * if i % 2 == 0 { 1.0 } else { depth };
+            writeln!(text, "v {} {} 0", at.x, at.y).unwrap();
+            write!(face, " {}", i + 1).unwrap();
+        }
+        let begun = std::time::Instant::now();
+        let scene = reload(&(text + &face)).unwrap();
+        // Sectors between neighbours: half their radii times the sine of their angle.
+        let area = 0.5 * f64::from(count) * depth * (TAU / f64::from(count)).sin();
+        eprintln!("{depth}: {:?} {} {area} {:?}", begun.elapsed(), scene.area(), scene.notes);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever stands where a number stood, a file loads as a valid scene or fails with an error.
+    #[test]
+    fn corrupt_numbers_never_panic(at in any::<prop::sample::Index>(), number in prop_oneof!["-?[0-9]{1,3}", "[0-9]{10,20}", "-?[0-9]e[0-9]{2}", "nan", "/"]) {
+        let change = |text: &str| {
+            let digits: Vec<usize> = text.match_indices(|c: char| c.is_ascii_digit()).map(|(i, _)| i).collect();
+            let i = digits[at.index(digits.len())];
+            format!("{}{number}{}", &text[..i], &text[i + 1..])
+        };
+        for scene in [load_obj(&change(OBJ), MTL), load_obj(OBJ, &change(MTL))].into_iter().flatten() {
+            scene.validate().unwrap();
+        }
+    }
 }
