@@ -5,7 +5,6 @@ use super::picture::{self, Channel, Scalar};
 use super::source::Source;
 use super::text::{brief, split, statements, uncommented};
 use crate::scene::file;
-
 use crate::scene::{Fault, Image, MAX_TEXELS, Material, NormalMap, SceneError, TextureRef, Wrap};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};

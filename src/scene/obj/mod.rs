@@ -256,7 +256,9 @@ impl<'a> Reader<'a> {
         let places: Vec<DVec3> =
             corners.iter().map(|corner| self.vertices.positions[corner[0] as usize]).collect();
         let mut triangles = Vec::new();
-        if let Err(problem) = self.splitter.split(&places, &mut triangles) {
+        let flaw =
+            self.splitter.split(&places, &mut triangles).map_err(|problem| self.error(line, problem))?;
+        if let Some(problem) = flaw {
             self.mend(line, problem, "triangles of such polygons overlap")?;
         }
         let has_color = corners.iter().any(|corner| self.vertices.color(corner[0]).is_some());

@@ -58,19 +58,12 @@ impl<'a> Source<'a> {
         SceneError::short(self.path, "file", shortage)
     }
 
-    /// The text of the scene's file or of one beside it; none where that can't be read, for which `Err` says why.
+    /// The text of the scene's file or of one beside it; none where that can't be read, of which the inner `Err` says why.
     pub(super) fn text(&self, path: &Path) -> Result<Result<String, String>, SceneError> {
         let length = std::fs::metadata(path).map_or(0, |file| file.len());
         // Its bytes, and its text where they are not that already.
         self.take(2 * length).map_err(|shortage| SceneError::short(path, "file", shortage))?;
-        let (text, is_wide) = match file::read_file(path) {
-            Ok(bytes) => text::decoded(bytes),
-            Err(problem) => return Ok(Err(problem)),
-        };
-        if is_wide {
-            self.mend(path, 1, "the text is UTF-16", "it is read as such, which few programs do")?;
-        }
-        Ok(Ok(text))
+        Ok(file::read_file(path).and_then(text::decoded))
     }
 
     pub(super) fn is_there(&self, name: &str) -> bool {

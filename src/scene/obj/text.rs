@@ -7,23 +7,22 @@ use std::borrow::Cow;
 pub(super) const COMMA: &str = "it is taken for a decimal point";
 pub(super) const CUT: &str = "what follows the numbers of a statement is left out";
 
-/// What bytes say, and whether they are UTF-16. Names may be in any encoding; what is not UTF-8 is read as Latin-1.
-pub(super) fn decoded(bytes: Vec<u8>) -> (String, bool) {
-    let units = |bytes: &[u8], of: fn([u8; 2]) -> u16| -> Vec<u16> {
-        bytes.chunks_exact(2).map(|pair| of([pair[0], pair[1]])).collect()
-    };
-    match bytes[..] {
-        [0xff, 0xfe, ref rest @ ..] => (String::from_utf16_lossy(&units(rest, u16::from_le_bytes)), true),
-        [0xfe, 0xff, ref rest @ ..] => (String::from_utf16_lossy(&units(rest, u16::from_be_bytes)), true),
-        _ => {
-            let text = match std::str::from_utf8(read::without_mark(&bytes)) {
-                Ok(text) if text.len() < bytes.len() => text.to_owned(),
-                Ok(_) => String::from_utf8(bytes).unwrap_or_default(),
-                Err(_) => bytes.iter().copied().map(char::from).collect(),
-            };
-            (text, false)
-        }
+/// What bytes say. Names may be in any encoding; what is not UTF-8 is read as Latin-1.
+///
+/// # Errors
+/// They are UTF-16.
+pub(super) fn decoded(bytes: Vec<u8>) -> Result<String, String> {
+    // With a mark or without one.
+    if let [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [1..=255, 0, 1..=255, 0, ..] | [0, 1..=255, 0, 1..=255, ..] =
+        bytes[..]
+    {
+        return Err("is UTF-16, and only UTF-8 is read".into());
     }
+    Ok(match std::str::from_utf8(read::without_mark(&bytes)) {
+        Ok(text) if text.len() < bytes.len() => text.to_owned(),
+        Ok(_) => String::from_utf8(bytes).unwrap_or_default(),
+        Err(_) => read::without_mark(&bytes).iter().copied().map(char::from).collect(),
+    })
 }
 
 /// Lines that end as on any system, numbered from 1.
@@ -148,17 +147,15 @@ mod tests {
     #[test]
     fn encodings_are_told_apart() {
         let text = "usemtl Straße";
-        let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
-        let little: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
         let latin = text.chars().map(|c| u32::from(c) as u8).collect();
-        for (bytes, is_wide) in [
-            (text.into(), false),
-            (["\u{feff}", text].concat().into_bytes(), false),
-            (latin, false),
-            ([vec![0xfe, 0xff], wide].concat(), true),
-            ([vec![0xff, 0xfe], little].concat(), true),
-        ] {
-            assert_eq!(decoded(bytes), (text.to_owned(), is_wide));
+        for bytes in [text.into(), ["\u{feff}", text].concat().into_bytes(), latin] {
+            assert_eq!(decoded(bytes).as_deref(), Ok(text));
+        }
+        for to_bytes in [u16::to_be_bytes, u16::to_le_bytes] {
+            for text in [text, "\u{feff}v 0 0 0"] {
+                let wide: Vec<u8> = text.encode_utf16().flat_map(to_bytes).collect();
+                assert!(decoded(wide).unwrap_err().contains("UTF-16"));
+            }
         }
     }
 
