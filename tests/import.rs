@@ -285,7 +285,8 @@ fn broken_gltf_values_have_one_error() {
         ("", "/bufferViews/0/byteStride", json!(300), "bufferViews[0].byteStride", &["invalid"]),
         ("", "/accessors/1/count", json!(7), "accessors[1]", &["7 elements", "bufferViews[1]"]),
         ("", "/accessors/1/count", json!(u64::MAX), "accessors[1]", &["don't fit"]),
-        ("", "/accessors/0/count", json!(5), primitive, &["accessors[0] has 5", "accessors[2] 4"]),
+        ("", "/accessors/0/count", json!(5), "accessors[0]", &["5 elements", "bufferViews[0]"]),
+        ("", "/accessors/0/count", json!(3), primitive, &["accessors[0] has 3", "accessors[2] 4"]),
         ("", "/accessors/0/byteOffset", json!(u64::MAX), "accessors[0]", &["don't fit"]),
         ("", "/accessors/0/normalized", json!(true), "accessors[0]", &["normalized"]),
         ("", "/accessors/2/count", json!(3), primitive, &["accessors[0] has 4", "accessors[2] 3"]),
@@ -1321,6 +1322,28 @@ fn absent_fallbacks_are_named_by_their_extension() {
         "extensions": {"EXT_meshopt_compression": {"buffer": 0, "byteLength": 8, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES"}}});
     asset.json["buffers"] = json!([{"byteLength": asset.bin.len()}, {"byteLength": 48}]);
     expect("meshopt", asset.load(), "scene.glb", "accessors[0]", &["EXT_meshopt_compression"]);
+}
+
+/// A few bytes that stand for more than there may be are refused before any of it is made.
+#[test]
+fn what_few_bytes_stand_for_is_added_up_first() {
+    let mut asset = square();
+    let count = 1 << 24;
+    asset.json["accessors"][0] = json!({"componentType": F32, "type": "VEC3", "count": count});
+    let primitives = |asset: &mut Asset, targets: &Value| {
+        let primitive = json!({"attributes": {"POSITION": 0}, "targets": targets});
+        asset.json["meshes"][0]["primitives"] = vec![primitive; 40].into();
+    };
+    primitives(&mut asset, &json!([{"POSITION": 0}, {"POSITION": 0}]));
+    let error = asset.load().unwrap_err();
+    assert!(error.problem.contains("triangles whose corners are one point"), "{error}");
+    // One element that is something makes them all vertices.
+    let (indices, values) = (asset.view(&[1], None), asset.view(&[0; 12], None));
+    asset.json["accessors"][0]["sparse"] = json!({"count": 1,
+        "indices": {"bufferView": indices, "componentType": U8}, "values": {"bufferView": values}});
+    let error = asset.load().unwrap_err();
+    assert!(error.element.starts_with("meshes[0].primitives["), "{error}");
+    assert!(error.problem.contains("268435456 vertices") || error.problem.contains("of memory"), "{error}");
 }
 
 /// Messages show the beginning of a URI that holds a file.

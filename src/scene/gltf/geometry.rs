@@ -137,6 +137,49 @@ impl Context<'_> {
         Ok(mesh)
     }
 
+    /// Takes what mesh `index` needs at the least: vertices that indices leave out are not known yet.
+    pub(super) fn foresee_mesh(
+        &self,
+        index: usize,
+        skinned: bool,
+        tally: &mut Tally,
+    ) -> Result<(), SceneError> {
+        for (i, primitive) in self.root.meshes[index].primitives.iter().enumerate() {
+            let element = format!("meshes[{index}].primitives[{i}]");
+            let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
+                primitive.mode
+            else {
+                continue;
+            };
+            let positions = self.attribute(primitive, &element, Semantic::Positions)?;
+            let Some(positions) = positions else { continue };
+            let indices = self.indices(primitive, &element)?;
+            let flat = !skinned && positions.is_zero() && self.is_still(primitive)?;
+            if flat || indices.as_ref().is_some_and(Elements::is_zero) {
+                continue;
+            }
+            let corners = indices.as_ref().map_or(positions.count, |indices| indices.count);
+            let vertices = if indices.is_some() { 0 } else { positions.count };
+            tally.vertices = tally.vertices.saturating_add(vertices);
+            if tally.vertices > MAX_VERTICES {
+                return Err(self.error(element, format!("more than {MAX_VERTICES} vertices up to here")));
+            }
+            let bytes = vertices * VERTEX + count(mode, corners) * size_of::<([u32; 3], u32)>();
+            self.take::<u8>(bytes).map_err(|shortage| self.fault(element, shortage))?;
+        }
+        Ok(())
+    }
+
+    /// Whether no morph target moves a vertex of the primitive.
+    fn is_still(&self, primitive: &Primitive) -> Result<bool, SceneError> {
+        for positions in primitive.targets.iter().flatten().filter_map(|target| target.positions) {
+            if !self.elements(positions.value())?.is_zero() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     fn primitive(
         &self,
         mesh: &mut Mesh,
@@ -155,6 +198,11 @@ impl Context<'_> {
             tally.without_positions += 1;
             return Ok(());
         }
+        let targets = primitive.targets.as_deref().unwrap_or(&[]);
+        if !weights.is_empty() && targets.len() != weights.len() {
+            let problem = format!("{} morph targets, but {} weights", targets.len(), weights.len());
+            return Err(self.error(element, problem));
+        }
         let vertices = self.vertices(primitive, element)?;
         let positions = self.attribute(primitive, element, Semantic::Positions)?;
         let indices = self.indices(primitive, element)?;
@@ -164,9 +212,7 @@ impl Context<'_> {
             let problem = format!("it is there by {name} alone, which is not supported");
             return Err(self.error(element, problem));
         }
-        let targets = primitive.targets.as_deref().unwrap_or(&[]);
-        let still = pose.skin.is_none() && targets.iter().all(|target| target.positions.is_none());
-        if nowhere(&indices) || still && nowhere(&positions) {
+        if nowhere(&indices) || pose.skin.is_none() && nowhere(&positions) && self.is_still(primitive)? {
             let corners = indices.map_or(vertices, |indices| indices.count);
             tally.flat += count(mode, corners);
             return Ok(());
@@ -412,15 +458,13 @@ impl Context<'_> {
         let relative = if origin == DVec3::ZERO { &[] } else { &values[..] };
         let mut relative: Vec<DVec3> = relative.iter().map(|value| value.as_dvec3() - origin).collect();
         let targets = primitive.targets.as_deref().unwrap_or(&[]);
-        if !weights.is_empty() && targets.len() != weights.len() {
-            let problem = format!("{} morph targets, but {} weights", targets.len(), weights.len());
-            return Err(self.error(element, problem));
-        }
         for (i, (target, &weight)) in targets.iter().zip(weights).enumerate() {
             let accessor = if semantic == Semantic::Positions { target.positions } else { target.normals };
             let Some(accessor) = accessor.filter(|_| weight != 0.0) else { continue };
             let deltas = self.typed(accessor.value(), &format!("{element}.targets[{i}]"), &semantic)?;
+            let budget = *self.budget.borrow();
             let deltas = deltas.floats::<3>(range.clone())?;
+            self.budget.replace(budget);
             for (value, &delta) in values.iter_mut().zip(&deltas) {
                 *value += weight * Vec3::from(delta);
             }

@@ -30,7 +30,7 @@ use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f32::consts::FRAC_PI_2;
 use std::path::Path;
 
@@ -366,6 +366,8 @@ impl Context<'_> {
     fn scene(&self, options: &LoadOptions, animations: usize) -> Result<Scene, SceneError> {
         let (roots, element) = self.roots(options)?;
         let budget = *self.budget.borrow();
+        self.foresee(&roots)?;
+        self.budget.replace(budget);
         let mut read = self.placed_parts(&roots, None)?;
         if let Some(around) = Around::of(&read.scene, &read.transforms, read.detour) {
             drop(read);
@@ -385,6 +387,27 @@ impl Context<'_> {
         self.note(&mut scene, &tally, animations, ranged);
         scene.notes.extend(self.mended.notes());
         import::finish(scene, self.file, &element)
+    }
+
+    /// Takes the memory that all meshes shown need at the least, before the first is read.
+    fn foresee(&self, roots: &[usize]) -> Result<(), SceneError> {
+        let mut meshes = HashSet::new();
+        let mut tally = geometry::Tally::default();
+        let mut stack: Vec<usize> = roots.to_vec();
+        while let Some(i) = stack.pop() {
+            if self.is_hidden(i) {
+                continue;
+            }
+            let node = &self.root.nodes[i];
+            stack.extend(node.children.iter().flatten().map(|child| child.value()));
+            let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
+            // Each skin, and each pose, has vertices of its own.
+            let weights = node.weights.iter().flatten().map(|w| w.to_bits()).collect::<Vec<_>>();
+            if meshes.insert((mesh, weights, node.skin.map(|_| i))) {
+                self.foresee_mesh(mesh, node.skin.is_some(), &mut tally)?;
+            }
+        }
+        Ok(())
     }
 
     /// Meshes, instances, lights and cameras; in double precision about other points where there are some.
