@@ -1,8 +1,6 @@
 //! Names and messages as a person sees them, whatever a file has put into them.
 
 use std::borrow::Cow;
-use std::fmt::Write;
-use std::path::Path;
 
 /// Most characters of a message; of a longer one the middle is left out.
 const LONGEST: usize = 4000;
@@ -52,7 +50,8 @@ pub(crate) fn line(text: &str) -> String {
 }
 
 /// A path as a message names it.
-pub(crate) fn path(path: &Path) -> String {
+#[cfg(feature = "cli")]
+pub(crate) fn path(path: &std::path::Path) -> String {
     line(&path.to_string_lossy())
 }
 
@@ -80,6 +79,7 @@ pub(crate) fn shortened(text: &str) -> Cow<'_, str> {
 }
 
 /// JSON, in which such characters stand in strings alone, with those escaped that serialisers leave as they are.
+#[cfg(any(feature = "cli", test))]
 pub(crate) fn json(json: &str) -> Cow<'_, str> {
     let raw = |c: char| c != '\n' && moves(c);
     if !json.contains(raw) {
@@ -88,7 +88,7 @@ pub(crate) fn json(json: &str) -> Cow<'_, str> {
     json.chars()
         .fold(String::with_capacity(json.len()), |mut out, c| {
             if raw(c) {
-                let _ = write!(out, "\\u{:04x}", u32::from(c));
+                out += &format!("\\u{:04x}", u32::from(c));
             } else {
                 out.push(c);
             }

@@ -636,7 +636,7 @@ fn hostile_files_end() {
     for text in [
         format!("{line}\n{OBJ}"),
         format!("{OBJ}usemtl {line}\n"),
-        format!("{line}").split_off(2) + "\n" + OBJ,
+        format!("{}\n{OBJ}", &line[2..]),
     ] {
         let scene = reload(&text).unwrap();
         assert!(scene.notes.iter().all(|note| note.len() < 1000));

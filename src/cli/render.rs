@@ -97,7 +97,24 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let frame = renderer.render(&config, &camera, &request)?;
     interrupt::finishing();
 
-    // What has been rendered is told, whatever becomes of what follows.
+    reporter.stage("write", &name);
+    let mut written = String::new();
+    for file in &outputs {
+        if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
+            return Err(renderer::Error::Cancelled.into());
+        }
+        picture::write(file, &origin, &config, &frame)?;
+        let what = content(file, &config, &frame);
+        let _ = writeln!(written, "{}: {what}, {}", text::path(file), extent(&config));
+    }
+    for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
+        output::write_exr(file, &picture::tapped(tap, layer))?;
+        let _ =
+            writeln!(written, "{}: {}, {}x{}", text::path(file), text::line(tap), layer.width, layer.height);
+    }
+
+    // What is asked of the device from here on may be given up: the pictures are there, and are told of.
+    interrupt::heeded();
     let mut failed = None;
     let mut seen = None;
     if frame.path_count.is_some() && !interrupt::CANCEL.load(Ordering::SeqCst) {
@@ -128,7 +145,6 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         reporter.warning(&not_finite.line());
     }
 
-    reporter.stage("write", &name);
     let mut report = header(&config, &renderer, &profile, &frame, seen);
     if args.explain {
         for line in profile.explain() {
@@ -147,22 +163,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         report.push_str(&chosen.report);
         report.push_str(&chosen.outcome(&frame, &renderer, &camera));
     }
-    for file in &outputs {
-        if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
-            return Err(renderer::Error::Cancelled.into());
-        }
-        picture::write(file, &origin, &config, &frame)?;
-        let what = content(file, &config, &frame);
-        let _ = writeln!(report, "{}: {what}, {}", text::path(file), extent(&config));
-    }
-    for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
-        output::write_exr(file, &picture::tapped(tap, layer))?;
-        let _ =
-            writeln!(report, "{}: {}, {}x{}", text::path(file), text::line(tap), layer.width, layer.height);
-    }
+    report.push_str(&written);
     let mut economy = None;
     if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
-        interrupt::heeded();
         reporter.stage("economy", &name);
         match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
             Ok(measured) => {
@@ -172,6 +175,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
             Err(error) => failed = Some(error),
         }
     }
+    interrupt::finishing();
     if let Some(file) = &args.stats {
         let stats = stats(
             args,

@@ -31,6 +31,7 @@ pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 use error::Fault;
 pub use error::SceneError;
 pub use feature::Feature;
+#[cfg(feature = "cli")]
 pub(crate) use import::FRAMED;
 pub use light::{Light, LightKind};
 pub use limits::{
