@@ -17,7 +17,7 @@ test: setup
 
 check: setup
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
+	cargo clippy --workspace -- -D warnings
 	cargo clippy --workspace --all-targets --features compile,denoise -- -D warnings
 	cargo clippy --no-default-features --lib --examples -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --features compile,denoise

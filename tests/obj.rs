@@ -633,11 +633,8 @@ fn hostile_files_end() {
     let reload = |text: &str| load(&write(folder.path(), "room.obj", text.as_bytes()));
     let mut line = String::from("# ");
     line.extend(std::iter::repeat_n('x', 10_000_000));
-    for text in [
-        format!("{line}\n{OBJ}"),
-        format!("{OBJ}usemtl {line}\n"),
-        format!("{}\n{OBJ}", &line[2..]),
-    ] {
+    for text in [format!("{line}\n{OBJ}"), format!("{OBJ}usemtl {line}\n"), format!("{}\n{OBJ}", &line[2..])]
+    {
         let scene = reload(&text).unwrap();
         assert!(scene.notes.iter().all(|note| note.len() < 1000));
     }

@@ -3,6 +3,7 @@
 
 mod common;
 
+use parhelion::output::read_exr;
 use serde_json::json;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Cursor, Read};
@@ -523,6 +524,166 @@ fn names_never_move_the_cursor_or_forge_a_line() {
                 lines.filter_map(|line| Some(line["what"].as_str()?.contains(HOSTILE))).any(|whole| whole)
             );
         }
+    }
+}
+
+fn texels(folder: &Folder, name: &str) -> Vec<f32> {
+    read_exr(&folder.path(name)).unwrap().interleaved(&["R", "G", "B"]).unwrap()
+}
+
+/// A triangle of 18 nm that the brightest lamp there may be stands 1 nm before: its radiance is beyond 32-bit floats.
+const BEYOND_FLOATS: &str = r#"{
+    "asset": { "version": "2.0" },
+    "scenes": [{ "nodes": [0] }],
+    "extensionsUsed": ["KHR_lights_punctual"],
+    "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 1e24 }] } },
+    "nodes": [
+        { "scale": [1e-9, 1e-9, 1e-9], "children": [1, 2, 3] },
+        { "mesh": 0 },
+        { "camera": 0, "translation": [0, 0, 40] },
+        { "translation": [0, 0, 1], "extensions": { "KHR_lights_punctual": { "light": 0 } } }
+    ],
+    "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }],
+    "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+    "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+    "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+    "buffers": [{ "byteLength": 36, "uri": "data:application/octet-stream;base64,AAAQwQAAEMEAAAAAAAAQQQAAEMEAAAAAAAAAAAAAEEEAAAAA" }]
+}"#;
+
+#[test]
+fn what_is_not_finite_is_told_with_pass_and_pixel() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::new();
+    fs::write(folder.path("lamp.gltf"), BEYOND_FLOATS).unwrap();
+    fs::write(folder.path("dim.gltf"), BEYOND_FLOATS.replace("1e24", "1e12")).unwrap();
+    for (method, pass) in [("igi", "whitted/"), ("path", "path_trace/")] {
+        let [size, rest] = [["--size", "24x18"], ["--backend", "software"]];
+        let files = ["-q", "--method", method, "-o", "a.exr", "--stats", "s.json"];
+        let render = |scene| {
+            let output = folder.run(&[&["render", scene], &size[..], &rest, &files].concat());
+            assert_eq!(output.status.code(), Some(0));
+            let stats = serde_json::from_slice(&fs::read(folder.path("s.json")).unwrap()).unwrap();
+            let (picture, [_, words]) = (texels(&folder, "a.exr"), words(&output));
+            (stats, picture, words)
+        };
+        let (stats, picture, message): (serde_json::Value, _, _) = render("lamp.gltf");
+        let odd = |pixel: &[f32]| pixel.iter().any(|v| !v.is_finite());
+        let pixels: Vec<_> = picture.chunks(3).map(odd).collect();
+        let first = pixels.iter().position(|&odd| odd).unwrap() as u64;
+        let told = &stats["not_finite"];
+        assert_eq!(told["pixels"], pixels.iter().filter(|&&odd| odd).count() as u64);
+        assert_eq!(told["first"], json!([first % 24, first / 24]));
+        let [name, at] = [&told["pass"], &told["first"]].map(|value| value.to_string());
+        assert!(name.contains(pass), "{name}");
+        let at = at.trim_matches(['[', ']']).replace(',', ", ");
+        assert!(
+            message.lines().count() == 1 && message.starts_with("warning: beauty is not finite"),
+            "{message}"
+        );
+        assert!(
+            message.contains(&format!("({at})")) && message.contains(name.trim_matches('"')),
+            "{message}"
+        );
+
+        let (stats, picture, message) = render("dim.gltf");
+        assert!(stats["not_finite"].is_null() && message.is_empty(), "{message}");
+        assert!(!odd(&picture) && picture.iter().any(|&v| v > 0.0));
+    }
+}
+
+/// Files are read as leniently, and as far from the scene, as the command line says.
+#[test]
+fn strict_and_root_decide_what_is_read() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("room")).unwrap();
+    fs::create_dir(folder.path("textures")).unwrap();
+    let picture = image::RgbImage::from_pixel(1, 1, image::Rgb([255, 0, 0]));
+    picture.save(folder.path("textures/red.png")).unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path("room").join(name), text).unwrap();
+    write("a.obj", "mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n");
+    write("a.mtl", "newmtl red\nmap_Kd ../textures/red.png\n");
+    let graph = |args: &[&str]| {
+        let output = folder.run(&[&["graph", "room/a.obj"], args].concat());
+        let [_, message] = words(&output);
+        (output.status.code(), message)
+    };
+    let (code, message) = graph(&["--strict"]);
+    assert!(code == Some(2) && message.contains("red.png") && message.lines().count() == 1, "{message}");
+    assert_eq!(graph(&["--strict", "--root", "."]), (Some(0), String::new()));
+    assert_eq!(graph(&["--strict", "--root", "textures"]), (Some(0), String::new()));
+    assert_eq!(graph(&["--strict", "--root", "room"]).0, Some(2));
+    let (code, message) = graph(&["--root", "nowhere"]);
+    assert!(code == Some(2) && message.contains("nowhere"), "{message}");
+
+    let Some((_guard, _)) = common::device() else { return };
+    let render = |args: &[&str]| {
+        let small = ["render", "room/a.obj", "--size", "16x12", "--backend", "software", "-o", "a.exr"];
+        let output = folder.run(&[&small, args].concat());
+        let [_, message] = words(&output);
+        assert_eq!(output.status.code(), Some(0), "{message}");
+        (message, texels(&folder, "a.exr"))
+    };
+    let (message, gray) = render(&[]);
+    assert!(message.lines().any(|line| line.starts_with("note: ") && line.contains("red.png")), "{message}");
+    let (message, red) = render(&["--root", "textures"]);
+    assert!(!message.contains("red.png"), "{message}");
+    let green = |picture: &[f32]| picture.iter().skip(1).step_by(3).sum::<f32>();
+    assert!(green(&gray) > 0.0 && green(&red) < 0.5 * green(&gray));
+}
+
+/// What each of these small files is to become.
+#[cfg(unix)]
+#[test]
+fn files_that_once_failed_are_mended_or_refused() {
+    let Some(cases) = common::shared("cases") else { return };
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::new();
+    let render = |name: &str, args: &[&str]| {
+        // Some would take what the machine has.
+        let mut command = Command::new("sh");
+        command.args([
+            "-c",
+            "ulimit -v 16000000; exec \"$@\"",
+            "sh",
+            env!("CARGO_BIN_EXE_parhelion"),
+            "render",
+        ]);
+        command.current_dir(folder.0.path()).env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command
+            .arg(cases.join(name))
+            .args(["--size", "24x18", "--backend", "software", "-o", "a.exr"])
+            .args(args);
+        let output = output(command);
+        let [_, message] = words(&output);
+        (output.status.code(), message)
+    };
+    for (name, word) in [
+        ("tangent_parallel_to_normal.gltf", ""),
+        ("no_mtl.obj", "`gone.mtl`"),
+        ("no_usemtl.obj", "`a`"),
+        ("scene_without_nodes.gltf", ""),
+        ("hugeuv.glb", "texture coordinates"),
+    ] {
+        let notes =
+            |message: &str| message.lines().any(|line| line.starts_with("note: ") && line.contains(word));
+        let (code, message) = render(name, &["--method", "path"]);
+        assert!(code == Some(0) && notes(&message) || word.is_empty(), "{name}: {message}");
+        assert!(!message.contains("warning"), "{name}: {message}");
+        let strict = if word.is_empty() { 0 } else { 2 };
+        let (code, message) = render(name, &["--strict"]);
+        assert!(code == Some(strict) && message.contains(word), "{name}: {message}");
+    }
+    for (name, words) in [
+        ("light3e+38.glb", ["lights[0]", "3e38"]),
+        ("esc.gltf", ["extensionsRequired", "\\u{1b}[31mRED"]),
+        ("instances_128m.glb", ["128", "GiB"]),
+    ] {
+        let (code, message) = render(name, &[]);
+        let expected = if name.starts_with("instances") { 71 } else { 2 };
+        assert_eq!(code, Some(expected), "{name}: {message}");
+        let message = message.lines().last().unwrap();
+        let named = message.strip_prefix("error: ").is_some_and(|m| m.contains(name));
+        assert!(named && words.iter().all(|word| message.contains(word)), "{message}");
     }
 }
 

@@ -70,7 +70,7 @@ pub(super) enum Command {
 pub(super) struct SceneFile {
     /// .gltf, .glb, .obj or builtin:NAME [default: builtin:office].
     pub(super) scene: Option<PathBuf>,
-    /// Scene of a file that holds several, by name or index [default: the one that the file names].
+    /// Scene of the file, by name or index [default: the one it names].
     #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = SCENE)]
     pub(super) which: Option<String>,
     /// Folder that files of the scene may lie in beside its own; repeatable.

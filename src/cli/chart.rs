@@ -12,9 +12,9 @@ use crate::chart::{self, Reference, ReferenceRequest, Sweep, grid, reference};
 use crate::config::{ConfigError, RenderConfig};
 use crate::methods;
 use crate::output;
-use crate::renderer::{self, Renderer, RendererOptions};
+use crate::renderer::{self, RendererOptions};
 use crate::text;
-use crate::vk::{self, DeviceKind, DeviceOptions};
+use crate::vk::DeviceKind;
 use std::fmt::Write as _;
 use std::fs;
 use std::sync::atomic::Ordering;
@@ -39,11 +39,8 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     let name = scene::name(&args.common);
     let (scene, camera) = scene::load(&args.common, None, &reporter)?;
 
-    let select = args.machine.device.clone();
-    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
-    reporter.stage("build", &name);
     let options = RendererOptions { backend: args.machine.backend.into(), ..RendererOptions::default() };
-    let mut renderer = Renderer::new(&device, scene, &options)?;
+    let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;
     fs::create_dir_all(&folder).map_err(|source| output::Error { file: folder.clone(), source })?;
 
     interrupt::heeded();
@@ -67,7 +64,8 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
         }
     };
     reporter.stage("chart", &name);
-    let repeat = args.repeat.unwrap_or(if device.info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
+    let repeat =
+        args.repeat.unwrap_or(if renderer.device().info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
     let sweep = Sweep {
         settings: &settings,
         reference: &reference,

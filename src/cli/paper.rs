@@ -8,9 +8,9 @@ use super::report::{base, folder};
 use super::{interrupt, scene};
 use crate::output;
 use crate::paper::{self, AMPLIFICATION, APPROACHES, Experiment, Pictures, Report, Row};
-use crate::renderer::{self, Renderer};
+use crate::renderer;
 use crate::text;
-use crate::vk::{self, DeviceKind, DeviceOptions};
+use crate::vk::DeviceKind;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
@@ -28,15 +28,14 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     let name = scene::name(&args.common);
     let (scene, camera) = scene::load(&args.common, None, &reporter)?;
 
-    let select = args.machine.device.clone();
-    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
-    reporter.stage("build", &name);
-    let mut renderer = Renderer::new(&device, scene, &paper::renderer_options(args.machine.backend.into()))?;
+    let options = paper::renderer_options(args.machine.backend.into());
+    let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;
 
     interrupt::heeded();
     reporter.stage("render", &name);
     let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
-    let repeat = args.repeat.unwrap_or(if device.info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
+    let repeat =
+        args.repeat.unwrap_or(if renderer.device().info().kind == DeviceKind::Cpu { 0 } else { REPEAT });
     let experiment = Experiment {
         base: &base,
         camera: &camera,

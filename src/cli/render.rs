@@ -15,7 +15,7 @@ use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume};
 use crate::scene::{Environment, LoadOptions, MAX_RADIANCE, SceneProfile};
 use crate::text;
-use crate::vk::{self, DeviceKind, DeviceOptions};
+use crate::vk::DeviceKind;
 use glam::Vec3;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -42,12 +42,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
 
-    let select = args.machine.device.clone();
-    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
-    reporter.stage("build", &name);
     let options =
         RendererOptions { backend: args.machine.backend.into(), visibility: config.indirect.visibility };
-    let mut renderer = Renderer::new(&device, scene, &options)?;
+    let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;
     let chosen = match wish {
         Some(wish) => {
             let chosen = choose::chosen(args, wish, &config, &mut renderer, &camera, &reporter)?;

@@ -1,9 +1,11 @@
 //! The scene and the camera that a command is asked for.
 
-use super::args::{Common, SceneFile};
+use super::args::{Common, Machine, SceneFile};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
+use crate::renderer::{self, Renderer, RendererOptions};
 use crate::scene::{self, Camera, Environment, FRAMED, LoadOptions, Scene, SceneProfile, builtin};
+use crate::vk::{self, DeviceOptions};
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -18,6 +20,26 @@ pub(super) fn stem(args: &Common) -> OsString {
     let builtin = scene.to_str().and_then(|name| name.strip_prefix("builtin:")).map(Path::new);
     let scene = builtin.unwrap_or(scene);
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
+}
+
+/// Opens the device asked for and makes what draws the scene there.
+pub(super) fn renderer(
+    scene: Scene,
+    args: &Common,
+    machine: &Machine,
+    options: &RendererOptions,
+    reporter: &Reporter,
+) -> Result<Renderer, Failure> {
+    let select = machine.device.clone();
+    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
+    let name = name(args);
+    reporter.stage("build", &name);
+    Renderer::new(&device, scene, options).map_err(|error| match error {
+        renderer::Error::Structure(_) => {
+            Failure { class: error.class(), error: anyhow::anyhow!("{name}: {error}") }
+        }
+        error => error.into(),
+    })
 }
 
 /// Loads the scene asked for, or the default room.

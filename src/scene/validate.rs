@@ -15,7 +15,11 @@ fn within(what: &str, value: f32, low: f32, high: f32) -> Checked {
     if (low..=high).contains(&value) && value.is_finite() {
         return Ok(());
     }
-    let expected = if high.is_infinite() { format!("at least {low}") } else { format!("{low} to {high}") };
+    let [value, low, end] = [value, low, high].map(|v| {
+        // Zeros by the dozen are not read.
+        if v.is_finite() && v.abs() >= 1e7 { format!("{v:e}") } else { v.to_string() }
+    });
+    let expected = if high.is_infinite() { format!("at least {low}") } else { format!("{low} to {end}") };
     Err(format!("{what} is {value}, expected {expected}"))
 }
 

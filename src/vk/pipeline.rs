@@ -6,11 +6,14 @@
 
 use std::any::Any;
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 
 use ash::vk;
 
@@ -21,6 +24,9 @@ use super::{
 
 /// The most bytes of push constants every device has.
 const MAX_PARAMS: u32 = 128;
+
+/// What a main thread has (bytes): drivers' compilers recurse.
+const COMPILER_STACK: usize = 8 << 20;
 
 /// Compute pipelines, made once each and kept; what the driver compiled is kept on disk.
 #[derive(Debug)]
@@ -45,6 +51,12 @@ struct Key {
     code: Code,
     spec: Vec<u32>,
     backend: Backend,
+}
+
+impl Key {
+    fn new(code: &KernelCode, spec: &[u32], backend: Backend) -> Self {
+        Self { name: code.name.clone(), code: identity(code, backend), spec: spec.to_vec(), backend }
+    }
 }
 
 /// A module's identity: where it lies, for one in the program, else a hash of its words.
@@ -150,18 +162,54 @@ impl Pipelines {
     /// [`Error::Kernel`] where the kernel does not fit the device, the backend or `spec`;
     /// [`Error::NoRayQuery`]; or what the driver said.
     pub fn get(&self, code: &KernelCode, spec: &[u32], backend: Backend) -> Result<Arc<Pipeline>, Error> {
-        let key =
-            Key { name: code.name.clone(), code: identity(code, backend), spec: spec.to_vec(), backend };
+        let key = Key::new(code, spec, backend);
         let mut state = self.lock();
         if let Some(pipeline) = state.pipelines.get(&key) {
             return Ok(pipeline.clone());
         }
         let module = self.check(code, spec, backend)?;
         let layout = self.layout(&mut state, code, backend)?;
+        drop(state);
         let pipeline = Arc::new(self.create(code, module, spec, layout)?);
-        state.pipelines.insert(key, pipeline.clone());
+        let mut state = self.lock();
         state.unsaved = true;
-        Ok(pipeline)
+        Ok(state.pipelines.entry(key).or_insert(pipeline).clone())
+    }
+
+    /// Compiles those of `wanted` that are not there yet, side by side on the cores there are, until `stop` says so. What
+    /// fails does so again where [`Self::get`] asks for it.
+    pub(crate) fn compile(
+        &self,
+        wanted: &[(&KernelCode, &[u32])],
+        backend: Backend,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) {
+        let state = self.lock();
+        let mut seen = HashSet::new();
+        let missing: Vec<_> = wanted
+            .iter()
+            .filter(|(code, spec)| {
+                let key = Key::new(code, spec, backend);
+                !state.pipelines.contains_key(&key) && seen.insert(key)
+            })
+            .collect();
+        drop(state);
+        let next = AtomicUsize::new(0);
+        let work = || {
+            while let Some(&&(code, spec)) = missing.get(next.fetch_add(1, Ordering::Relaxed))
+                && !stop()
+            {
+                let _ = self.get(code, spec, backend);
+            }
+        };
+        let threads = thread::available_parallelism().map_or(1, NonZero::get).min(missing.len());
+        thread::scope(|scope| {
+            for _ in 1..threads {
+                // Without a thread this one does its work.
+                let _ = thread::Builder::new().stack_size(COMPILER_STACK).spawn_scoped(scope, work);
+            }
+            work();
+        });
     }
 
     /// The kernel's module, if this device can run it.

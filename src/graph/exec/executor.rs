@@ -136,6 +136,13 @@ impl Executor {
         plan: &Plan,
         RunOptions { scene, cancel, .. }: &RunOptions<'_>,
     ) -> Result<Vec<Option<Kernel>>, Error> {
+        let cancelled = || cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed));
+        let works = plan.passes.iter().filter_map(|pass| match &graph.passes[pass.recorded].work {
+            Work::Kernel(work) => Some((&*work.code, &work.spec[..])),
+            _ => None,
+        });
+        // Compiling takes seconds on some drivers.
+        self.pipelines.compile(&works.collect::<Vec<_>>(), self.backend, &cancelled);
         let kernel = |pass: &PlannedPass| {
             let Work::Kernel(work) = &graph.passes[pass.recorded].work else { return Ok(None) };
             let scene = scene.filter(|_| work.code.uses_scene);
@@ -144,10 +151,7 @@ impl Executor {
                 Some(set) if set.backend() != self.backend => {
                     format!("runs with {:?}, the scene is for {:?}", self.backend, set.backend())
                 }
-                // Compiling takes seconds on some drivers.
-                _ if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) => {
-                    return Err(Error::Cancelled);
-                }
+                _ if cancelled() => return Err(Error::Cancelled),
                 _ => {
                     let pipeline = self.pipelines.get(&work.code, &work.spec, self.backend)?;
                     return Ok(Some(Kernel { pipeline, scene: scene.map(|set| set.raw()) }));
