@@ -1,7 +1,7 @@
 //! How much memory this process may still take, so that what a file's numbers decide is refused before it is made: an
 //! allocation that fails ends a program, and one that succeeds on credit ends it later.
 
-use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
+use sysinfo::{Pid, Process, ProcessRefreshKind, ProcessesToUpdate, System};
 
 /// More than there is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,6 +27,12 @@ impl Budget {
     pub fn of_process() -> Self {
         let free = free();
         Self::of(free - free / 16)
+    }
+
+    /// What the limit of this process's address space (`ulimit -v`) leaves; without one, all there could be.
+    pub(crate) fn of_address_space() -> Self {
+        let used = || Some(own(&mut System::new().ok()?)?.virtual_memory());
+        Self::of(address_space(|| used().unwrap_or(0)))
     }
 
     /// So many bytes.
@@ -56,21 +62,32 @@ fn free() -> u64 {
     let Ok(mut system) = System::new() else { return u64::MAX };
     system.refresh_memory();
     let mut free = system.available_memory().saturating_add(system.free_swap());
-    let own = Pid::from_u32(std::process::id());
-    let memory = ProcessRefreshKind::nothing().with_memory();
-    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), true, memory);
-    if let Some(process) = system.process(own) {
+    if let Some(process) = own(&mut system) {
         if let Some(group) = process.cgroup_limits() {
             // Files that it holds in memory make way.
             let left = group.total_memory.saturating_sub(group.rss);
             free = free.min(left.saturating_add(group.free_swap));
         }
-        #[cfg(unix)]
-        if let Some(limit) = rustix::process::getrlimit(rustix::process::Resource::As).current {
-            free = free.min(limit.saturating_sub(process.virtual_memory()));
-        }
+        free = free.min(address_space(|| process.virtual_memory()));
     }
     free
+}
+
+/// This process, with its memory.
+fn own(system: &mut System) -> Option<&Process> {
+    let own = Pid::from_u32(std::process::id());
+    let memory = ProcessRefreshKind::nothing().with_memory();
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), true, memory);
+    system.process(own)
+}
+
+/// Bytes that the limit of the address space leaves beside those in use.
+fn address_space(#[allow(unused)] used: impl FnOnce() -> u64) -> u64 {
+    #[cfg(unix)]
+    if let Some(limit) = rustix::process::getrlimit(rustix::process::Resource::As).current {
+        return limit.saturating_sub(used());
+    }
+    u64::MAX
 }
 
 /// A number of bytes in words.

@@ -51,16 +51,27 @@ pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
-/// Bytes of memory that an OpenEXR file's pixels take once they are read; those of its largest part.
-pub(crate) fn exr_bytes(meta: &exr::meta::MetaData) -> u64 {
-    let part = |header: &exr::meta::header::Header| {
+/// More bytes than OpenEXR's compressions make of one: 1032 by Deflate, which is the best of them at nothing.
+const EXR_RATIO: u64 = 2048;
+
+/// Bytes of memory that the pixels of an OpenEXR file of `length` bytes take once they are read; those of its largest part.
+///
+/// # Errors
+/// The file is too short to hold its pixels.
+pub(crate) fn exr_bytes(meta: &exr::meta::MetaData, length: u64) -> Result<u64, String> {
+    let mut most = 0;
+    for header in &meta.headers {
         let channels = header.channels.list.iter();
         let pixel: u64 = channels.map(|channel| channel.sample_type.bytes_per_sample() as u64).sum();
-        let size = header.layer_size;
-        // Its blocks are decoded beside them.
-        (size.width() as u64).saturating_mul(size.height() as u64).saturating_mul(2 * pixel)
-    };
-    meta.headers.iter().map(part).max().unwrap_or_default()
+        let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
+        let bytes = width.saturating_mul(height).saturating_mul(pixel);
+        if bytes / EXR_RATIO > length {
+            return Err(format!("{width}x{height} pixels can't be in a file of {length} bytes"));
+        }
+        most = most.max(bytes);
+    }
+    // Blocks are decoded beside the pixels.
+    Ok(most.saturating_mul(2))
 }
 
 #[cfg(test)]

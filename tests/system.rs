@@ -631,6 +631,35 @@ fn strict_and_root_decide_what_is_read() {
     assert!(green(&gray) > 0.0 && green(&red) < 0.5 * green(&gray));
 }
 
+/// A render by a shell that has set a limit.
+#[cfg(unix)]
+fn limited(folder: &Folder, limit: &str) -> Command {
+    let mut command = Command::new("sh");
+    let program = format!("ulimit {limit}; exec \"$@\"");
+    command.args(["-c", &program, "sh", env!("CARGO_BIN_EXE_parhelion"), "render"]);
+    command.current_dir(folder.0.path()).env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+    command
+}
+
+#[cfg(unix)]
+#[test]
+fn limits_of_the_shell_are_errors() {
+    let Some((_guard, _)) = common::device() else { return };
+    let folder = Folder::new();
+    // Blocks of 512 bytes, kibibytes.
+    for (limit, code, word) in
+        [("-f 1", 1, "a.exr"), ("-v 300000", 71, "1.5 GiB"), ("-v 1000000", 71, "1.5 GiB")]
+    {
+        let mut command = limited(&folder, limit);
+        command.args(&SMALL[1..]).args(["-o", "a.exr", "-q"]).env("XDG_CACHE_HOME", "/nowhere");
+        let output = output(command);
+        let [_, message] = words(&output);
+        assert_eq!(output.status.code(), Some(code), "{limit}: {message}");
+        assert!(message.lines().count() == 1 && message.contains(word), "{limit}: {message}");
+        assert!(folder.names().is_empty(), "{:?}", folder.names());
+    }
+}
+
 /// What each of these small files is to become.
 #[cfg(unix)]
 #[test]
@@ -640,15 +669,7 @@ fn files_that_once_failed_are_mended_or_refused() {
     let folder = Folder::new();
     let render = |name: &str, args: &[&str]| {
         // Some would take what the machine has.
-        let mut command = Command::new("sh");
-        command.args([
-            "-c",
-            "ulimit -v 16000000; exec \"$@\"",
-            "sh",
-            env!("CARGO_BIN_EXE_parhelion"),
-            "render",
-        ]);
-        command.current_dir(folder.0.path()).env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        let mut command = limited(&folder, "-v 16000000");
         command
             .arg(cases.join(name))
             .args(["--size", "24x18", "--backend", "software", "-o", "a.exr"])

@@ -128,12 +128,15 @@ impl ReadPicture {
 pub fn read_exr(file: &Path) -> Result<ReadPicture, Error> {
     let fail = |source| Error { file: file.into(), source };
     // A pipe cannot be sought in, and opening one may never return.
-    if !file.metadata().map_err(fail)?.is_file() {
+    let metadata = file.metadata().map_err(fail)?;
+    if !metadata.is_file() {
         return Err(fail(io::Error::new(io::ErrorKind::InvalidInput, "is not a file")));
     }
     let meta = exr::meta::MetaData::read_from_file(file, false).map_err(|error| fail(io_error(error)))?;
     // Once more as 32-bit floats.
-    let room = Budget::of_process().take(crate::read::exr_bytes(&meta).saturating_mul(3));
+    let bytes = crate::read::exr_bytes(&meta, metadata.len())
+        .map_err(|problem| fail(io::Error::new(io::ErrorKind::InvalidData, problem)))?;
+    let room = Budget::of_process().take(bytes.saturating_mul(3));
     room.map_err(|shortage| fail(io::Error::new(io::ErrorKind::OutOfMemory, shortage)))?;
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image = image.all_attributes().from_file(file).map_err(|error| fail(io_error(error)))?;
@@ -223,6 +226,14 @@ mod tests {
         for (name, value) in &picture.attributes {
             assert_eq!(&back.attributes[*name], value);
         }
+        // A window that no such file could fill is refused before there is room for it.
+        let mut bytes = std::fs::read(&file).unwrap();
+        let window = b"dataWindow\0box2i\0";
+        let at = bytes.windows(window.len()).position(|part| part == window).unwrap() + window.len() + 4;
+        bytes[at + 8..at + 12].copy_from_slice(&0x0fff_ffff_i32.to_le_bytes());
+        std::fs::write(&file, bytes).unwrap();
+        let error = read_exr(&file).unwrap_err().to_string();
+        assert!(error.contains("a.exr: 268435454x2 pixels can't be in a file of"), "{error}");
         std::fs::write(&file, "no picture").unwrap();
         assert!(read_exr(&file).unwrap_err().to_string().contains("a.exr: "));
     }

@@ -180,7 +180,8 @@ fn exr_bytes(bytes: &[u8]) -> Result<u64, String> {
         check_size(header.layer_size.width(), header.layer_size.height())?;
         texels = texels.max(header.layer_size.area() as u64);
     }
-    Ok(read::exr_bytes(&meta).saturating_add(texels * size_of::<Vec3>() as u64))
+    let pixels = read::exr_bytes(&meta, bytes.len() as u64)?;
+    Ok(pixels.saturating_add(texels * size_of::<Vec3>() as u64))
 }
 
 fn read_exr(bytes: &[u8]) -> Result<Texels, String> {

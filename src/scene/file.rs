@@ -59,18 +59,15 @@ impl Files {
         if let Some((scheme, _)) = name.split_once("://").filter(|(scheme, _)| is_scheme(scheme)) {
             return Err(format!("`{}` is an address ({scheme}), and only files are read", shortened(name)));
         }
-        let outside = || format!("`{}` is not a path inside the scene's folder", shortened(name));
+        let outside =
+            || format!("`{}` is not a path inside the scene's folder or one of --root", shortened(name));
         // Windows reads `\` and drive letters where others see a plain name: refuse them everywhere.
         if name.is_empty() || name.contains(['\\', ':', '\0']) {
             return Err(outside());
         }
         let path = self.folder.join(name);
         if let Ok(real) = path.canonicalize() {
-            return if self.allows(&real) {
-                Ok(Found { path: real, differs: None })
-            } else {
-                Err(format!("{}, nor inside a --root folder", outside()))
-            };
+            return if self.allows(&real) { Ok(Found { path: real, differs: None }) } else { Err(outside()) };
         }
         let inside =
             Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
@@ -104,7 +101,8 @@ impl Files {
             (0..parts.len()).flat_map(|from| folders().map(move |folder| (folder, parts[from..].join("/"))));
         for (folder, rest) in rest {
             if let Some(path) = self.but_for_case(folder, &rest) {
-                return Ok(Found { path, differs: Some(rest).filter(|rest| rest != name) });
+                let differs = (rest != name).then(|| file_name(&path));
+                return Ok(Found { path, differs });
             }
         }
         found

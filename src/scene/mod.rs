@@ -59,10 +59,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     if let Some(name) = path.to_str().and_then(|path| path.strip_prefix("builtin:")) {
         let scene = builtin::by_name(name)?;
         return match &options.scene {
-            Some(asked) => {
+            Some(asked) if asked != "0" => {
                 Err(SceneError::new(path, "scenes", format!("no scene `{asked}`: it is one scene")))
             }
-            None => Ok(scene),
+            _ => Ok(scene),
         };
     }
     let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);

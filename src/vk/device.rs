@@ -11,6 +11,7 @@ use super::probe::{Probe, RAY_QUERY_EXTENSIONS};
 use super::queue::Queue;
 use super::select::{DeviceInfo, DeviceKind, Limits, select};
 use super::{Backend, Error, ValidationLog, debug, manifest};
+use crate::memory::Budget;
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -51,15 +52,19 @@ pub(super) struct DeviceInner {
     instance: Instance,
 }
 
+/// Address space that a driver takes (bytes): lavapipe's compiler has been seen to take 1.3 GiB.
+const DRIVER_ADDRESSES: u64 = 3 << 29;
+
 impl Device {
     /// Opens the device that `options` select.
     ///
     /// # Errors
     ///
     /// [`Error::NoLoader`], [`Error::NoDevice`], [`Error::NoDriver`], [`Error::NoSuchDevice`] or [`Error::Unsuitable`], which names
-    /// all that is missing; otherwise what the driver said.
+    /// all that is missing; [`Error::NoAddresses`]; otherwise what the driver said.
     pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         let validation = options.validation || std::env::var("PARHELION_VALIDATION").is_ok_and(|v| v == "1");
+        Budget::of_address_space().take(DRIVER_ADDRESSES).map_err(Error::NoAddresses)?;
         let instance = Instance::new(validation)?;
         let mut probes = instance.probe()?;
         if probes.is_empty() {

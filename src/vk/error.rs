@@ -1,6 +1,7 @@
 //! Errors of the Vulkan layer.
 
 use crate::ErrorClass;
+use crate::memory::Shortage;
 use ash::vk;
 
 /// An error of the Vulkan layer.
@@ -74,6 +75,9 @@ pub enum Error {
         /// What it was called for.
         object: String,
     },
+    /// The limit of this process's address space leaves no room for a driver, which would crash.
+    #[error("a Vulkan driver with its compiler {0} (`ulimit -v`)")]
+    NoAddresses(Shortage),
     /// A size or count beyond what the device can do.
     #[error("{what}: {value} is more than this device's limit of {limit}")]
     TooLarge {
@@ -142,6 +146,7 @@ impl Error {
             Self::DeviceLost { .. } => ErrorClass::Lost,
             Self::OutOfDeviceMemory { .. }
             | Self::OutOfHostMemory { .. }
+            | Self::NoAddresses(_)
             | Self::Vulkan { result: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, .. } => ErrorClass::Memory,
             Self::TooLarge { .. } | Self::Kernel { .. } | Self::Allocation { .. } | Self::Vulkan { .. } => {
                 ErrorClass::Other

@@ -116,7 +116,7 @@ pub(super) fn score(kind: DeviceKind, suitable: bool, ray_query: bool, memory_by
 }
 
 /// The position in `devices` of the one to use: the best, or the best of those `asked` names (an index, a part
-/// of the name in any case, or a UUID).
+/// of the name in any case that is no number below 100, or a UUID).
 pub(super) fn select(devices: &[DeviceInfo], asked: Option<&str>) -> Result<usize, Error> {
     let best = |matches: &dyn Fn(&DeviceInfo) -> bool| {
         let of = (0..devices.len()).filter(|&i| matches(&devices[i]));
@@ -133,7 +133,9 @@ pub(super) fn select(devices: &[DeviceInfo], asked: Option<&str>) -> Result<usiz
         .or_else(|| best(&|d| plain(&d.uuid) == plain(asked.trim())))
         .or_else(|| {
             let word = asked.trim().to_lowercase();
-            best(&|d| !word.is_empty() && d.name.to_lowercase().contains(&word))
+            // An index that is not there is no part of a version.
+            let names = !word.is_empty() && index.is_none_or(|index| index >= 100);
+            best(&|d| names && d.name.to_lowercase().contains(&word))
         })
         .ok_or_else(|| Error::NoSuchDevice {
             asked: asked.to_owned(),
@@ -225,6 +227,7 @@ mod tests {
         assert_eq!(select(&machine, Some("LLVM")).unwrap(), 0);
         assert_eq!(select(&machine, Some("geforce")).unwrap(), 2, "the suitable one of two");
         assert_eq!(select(&machine, Some("4090")).unwrap(), 2, "a number that is no index is a name");
+        assert!(select(&machine, Some("40")).is_err(), "nor is an index that is not there a part of one");
         assert_eq!(select(&machine, Some("00000003-0000-0000-0000-0000000000AB")).unwrap(), 3);
         assert_eq!(select(&machine, Some("000000030000000000000000000000ab")).unwrap(), 3);
     }

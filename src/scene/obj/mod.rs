@@ -53,7 +53,7 @@ use vertices::Vertices;
 /// # Errors
 /// [`SceneError`] names the file (the `.mtl` where that is at fault), the line and the defect.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    if let Some(scene) = &options.scene {
+    if let Some(scene) = options.scene.as_ref().filter(|scene| *scene != "0") {
         return Err(SceneError::new(path, "scenes", format!("no scene `{scene}`: an OBJ file is one scene")));
     }
     let source = Source::new(path, options)?;

@@ -112,7 +112,7 @@ impl<'a> Source<'a> {
         if let Some(differs) = &found.differs {
             let problem =
                 format!("`{}` is not there, but `{}` is", file::shortened(&name), file::shortened(differs));
-            self.mend(file, line, problem, "files of nearly that name are taken")?;
+            self.mend(file, line, problem, "files of nearly that name, or that lie elsewhere, are taken")?;
         }
         Ok(Ok(found))
     }
