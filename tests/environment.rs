@@ -79,6 +79,7 @@ fn environments_load_or_say_why_not() {
     };
     fails(&exr("nan.exr", &rgb, &[1.0, 2.0, 3.0, 4.0, f32::NAN, 6.0]), &["texel (1, 0)", "not finite"]);
     fails(&exr("bright.exr", &rgb, &[1.0, 2.0, 3e38, 4.0, 5.0, 6.0]), &["texel (0, 0)", "above 1e24"]);
+    fails(&exr("blazing.exr", &rgb, &[f32::INFINITY; 6]), &["texel (0, 0)", "no other shines"]);
     fails(&exr("depth.exr", &["Z"], &[1.0, 2.0]), &["channels"]);
     fails(&write(folder.path(), "cut.hdr", &bytes[..bytes.len() - 4]), &["can't be decoded"]);
     fails(&write(folder.path(), "cut.exr", b"v/1"), &["can't be decoded"]);

@@ -320,7 +320,6 @@ fn broken_gltf_values_have_one_error() {
         ("", "/materials/0/extensions", json!({"KHR_materials_volume": {"thicknessFactor": -1}}), "materials[0]", &["thickness is -1"]),
         ("", "/materials/0/extensions", json!({"KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 0}}), "materials[0]", &["attenuation distance is 0"]),
         ("", "/textures/0/source", json!(1), "textures[0].source", &["out of range"]),
-        ("", "/textures/0/source", json!(null), "textures[0]", &["source is missing"]),
         ("", "/images/0", json!({}), "images[0]", &["uri"]),
         ("", "/images/0", json!({"uri": "nowhere.png"}), "images[0]", &["nowhere.png"]),
         ("", "/images/0", json!({"uri": "%2e%2e/secret.png"}), "images[0]", &["../secret.png", "inside"]),
@@ -1109,6 +1108,7 @@ fn harmless_defects_are_mended_and_noted() {
             a.json["accessors"][1]["componentType"] = json!(5123.0); a.json["accessors"][1]["count"] = json!(6.0);
             a.json["bufferViews"][1]["byteOffset"] = json!(48.0); a.json["scenes"][0]["nodes"] = json!([3.0]); }, None),
         ("an unread texture without a source", |a| { a.push("textures", json!({})); }, None),
+        ("a texture without a source", |a| { a.json["textures"][0].as_object_mut().unwrap().remove("source"); }, Some("source is missing")),
         ("an animation of a pointer", |a| { a.push("animations", json!({"samplers": [], "channels": [{"sampler": 0,
             "target": {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": "/nodes/0"}}}}]})); }, None),
         ("an unknown extension's oddities", |a| { a.json["nodes"][0]["extensions"] = json!({"KHR_lights_punctual_2": 7});
@@ -1908,6 +1908,7 @@ fn scenes_made_in_code_are_checked() {
             |s| s.instances[0].transform.matrix3.z_axis = glam::Vec3A::ZERO,
             "instances[0] (mesh 0)",
         ),
+        ("too small", |s| s.meshes[0].positions.iter_mut().for_each(|p| *p *= 1e-14), "size"),
         ("image", |s| s.images.clear(), "materials[0]"),
         ("roughness", |s| s.materials[0].roughness = -0.5, "materials[0]"),
         ("tangent count", |s| s.meshes[0].tangents = vec![[Vec4::ONE.normalize(); 3]; 3], "meshes[0]"),

@@ -126,7 +126,6 @@ fn what_makes_a_wrong_picture_is_one_error() {
         case("colour of two", mtl("Kd 0.5 0.25 0.125", "Kd 0.5 0.25"), "room.mtl", "line 2", &["1 or 3"]),
         case("colour above 1", mtl("Kd 0.5", "Kd 1.5"), "room.mtl", "line 1", &["red paint", "base colour is 1.5"]),
         case("negative emission", mtl("Ns 30", "Ke 0 -1 0"), "room.mtl", "line 1", &["emission is -1"]),
-        case("negative exponent", mtl("Ns 30", "Ns -3"), "room.mtl", "line 3", &["Ns"]),
         case("no exponent", mtl("Ns 30", "Ns"), "room.mtl", "line 3", &["missing"]),
         case("rough beyond measure", mtl("Ns 30", "Pr 2"), "room.mtl", "line 1", &["roughness is 2"]),
         case("light glass", mtl("Ns 30", "illum 7\nNi 0.5"), "room.mtl", "line 1", &["index of refraction is 0.5"]),
@@ -175,6 +174,10 @@ fn what_leaves_the_picture_is_mended_and_noted() {
         case("statement before a name", mtl("newmtl", "Ka 1 1 1\nnewmtl"), "room.mtl", "line 1", &["ka", "newmtl"], "left out"),
         case("d and Tr", mtl("Ns 30", "d 1\nTr 1"), "room.mtl", "line 1", &["d and Tr"], "d is the one"),
         case("colour a hair above 1", mtl("Kd 0.5", "Kd 1.0001"), "room.mtl", "line 2", &["1.0001"], "clamped"),
+        case("colour a little above 1", mtl("Kd 0.5", "Kd 1.05"), "room.mtl", "line 2", &["1.05"], "clamped"),
+        case("negative exponent", mtl("Ns 30", "Ns -3"), "room.mtl", "line 3", &["Ns is negative"], "left out"),
+        case("bright material of nothing", mtl("newmtl red", "newmtl x\nKd 5 5 5\nnewmtl red"), "room.mtl", "line 1", &["`x`", "5"], "no surface"),
+        case("broken material of nothing", mtl("newmtl red", "newmtl x\nKd\nnewmtl red"), "room.mtl", "line 2", &["a number is missing"], "no surface"),
         case("model of words", mtl("Ns 30", "illum color"), "room.mtl", "line 3", &["`color`"], "left out"),
         case("picture not there", mtl("wood.png", "stone.png"), "room.mtl", "line 4", &["stone.png"], "without such pictures"),
         case("picture outside", mtl("wood.png", "../../etc/passwd"), "room.mtl", "line 4", &["inside the scene's folder"], "without such pictures"),
@@ -202,6 +205,21 @@ fn what_leaves_the_picture_is_mended_and_noted() {
         let has_picture = known && !remedy.contains("without such pictures") && name != "picture without a name";
         assert_eq!(material.base_color_texture.is_some(), has_picture, "{name}");
     }
+}
+
+#[test]
+fn names_and_marks_are_read_as_they_are() {
+    let (folder, path) = folder(
+        OBJ.replace("v 1 1 0", "\u{feff}v 1 1 0").replace("mtllib", "\u{feff}\u{feff}mtllib").as_bytes(),
+        MTL.replace("-s 2 3 -o 0.5 0.25 -clamp on wood.png", "red  wood.png").as_bytes(),
+    );
+    std::fs::rename(folder.path().join("wood.png"), folder.path().join("red  wood.png")).unwrap();
+    let scene = scene::load(&path, &strict()).unwrap();
+    assert!((scene.area() - 1.0).abs() < 1e-6 && scene.images.len() == 1);
+    // A path of more parts than any folder is deep.
+    let deep = format!("{}wood.png", "a/".repeat(300_000));
+    write(folder.path(), "room.mtl", MTL.replace("wood.png", &deep).as_bytes());
+    assert!(load(&path).unwrap().images.is_empty());
 }
 
 #[test]

@@ -422,7 +422,7 @@ fn power(light: &shaders::Light) -> f64 {
 }
 
 /// Lights with their flux and the distribution they are chosen by: in proportion to power. Lights that give
-/// none are left out. What a directional light emits is what falls on the disc of `radius` (m).
+/// none are left out, such as a cone too narrow for 32-bit floats. What a directional light emits is what falls on the disc of `radius` (m).
 fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
     let shining = lights.iter().filter(|light| light.intensity.max_element() > 0.0);
     let mut records: Vec<_> = shining
@@ -444,10 +444,12 @@ fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
                 cos_inner: inner.cos().max(outer.cos().next_up()),
                 intensity: light.intensity.to_array(),
                 cos_outer: outer.cos(),
-                flux: (light.intensity * extent).to_array(),
+                // What a wide scene takes may be more than a float.
+                flux: (light.intensity * extent).min(Vec3::MAX).to_array(),
                 power_cdf: 0.0,
             }
         })
+        .filter(|record| power(record) > 0.0)
         .collect();
     let total: f64 = records.iter().map(power).sum();
     let mut sum = 0.0;
@@ -459,4 +461,30 @@ fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
         last.power_cdf = 1.0;
     }
     records
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a light is chosen by is a number, whatever its cone and however wide the scene.
+    #[test]
+    fn power_is_positive_and_finite() {
+        let light = |kind, intensity| Light {
+            name: String::new(),
+            kind,
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Y,
+            intensity: Vec3::splat(intensity),
+        };
+        let narrow = light(LightKind::Spot { inner: 0.0, outer: 1e-4 }, 1.0);
+        let sun = light(LightKind::Directional, 1e24);
+        let records = light_records(&[narrow, sun, light(LightKind::Point, 1.0)], 1e9);
+        assert_eq!(
+            records.iter().map(|record| record.kind).collect::<Vec<_>>(),
+            [LIGHT_DIRECTIONAL, LIGHT_POINT]
+        );
+        assert!(records.iter().all(|record| power(record) > 0.0 && power(record).is_finite()));
+        assert!(records[0].power_cdf > 0.9 && records[1].power_cdf == 1.0);
+    }
 }

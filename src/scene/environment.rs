@@ -44,7 +44,7 @@ impl Environment {
     /// [`MAX_RADIANCE`]; where `options` are strict, the first that would be mended.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<(Self, Vec<String>), SceneError> {
         let fail = |problem: String| SceneError::new(path, "environment", problem);
-        let bytes = file::read_file(path).map_err(fail)?;
+        let bytes = file::read_file(path).map_err(|fault| fault.of(path, "environment"))?;
         let room = |bytes| {
             let taken = Budget::of_process().take(bytes);
             taken.map_err(|shortage| SceneError::short(path, "environment", shortage))
@@ -83,6 +83,9 @@ impl Environment {
             if texel.cmplt(Vec3::ZERO).any() {
                 mended.mend(path, defect("negative"), "taken as 0")?;
             } else if texel.cmpeq(Vec3::INFINITY).any() {
+                if brightest <= 0.0 {
+                    return Err(defect("infinite, and no other shines"));
+                }
                 mended.mend(path, defect("infinite"), "taken as the brightest finite value")?;
             } else {
                 continue;

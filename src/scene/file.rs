@@ -10,12 +10,15 @@ use std::path::{Component, Path, PathBuf};
 /// Largest file read (bytes), the most a .glb can say of itself.
 const MAX_FILE_BYTES: u64 = u32::MAX as u64;
 
-/// Reads a regular file; anything else (a folder, a pipe that would block) is an error.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, String> {
+/// Reads a regular file that there is memory for; anything else (a folder, a pipe that would block) is an error.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Fault> {
+    if let Ok(file) = path.metadata() {
+        Budget::of_process().take(file.len())?;
+    }
     let refused = |error: std::io::Error| format!("can't be read: {error}");
     match read::regular(path, MAX_FILE_BYTES) {
         Err(error) if error.kind() == std::io::ErrorKind::InvalidInput => Err("is not a file".into()),
-        read => read.map_err(refused),
+        read => Ok(read.map_err(refused)?),
     }
 }
 
@@ -26,6 +29,9 @@ pub(super) struct Files {
     /// Real paths of the folders beside it.
     roots: Vec<PathBuf>,
 }
+
+/// Most parts of a path that a file is searched by, from its end.
+const DEEPEST: usize = 16;
 
 /// A file that a scene names.
 pub(super) struct Found {
@@ -96,6 +102,8 @@ impl Files {
             Some((drive, rest)) if drive.ends_with(':') => rest,
             _ => &parts[..],
         };
+        // A file lies a few folders deep.
+        let parts = &parts[parts.len().saturating_sub(DEEPEST)..];
         let folders = || std::iter::once(&self.folder).chain(&self.roots);
         let rest =
             (0..parts.len()).flat_map(|from| folders().map(move |folder| (folder, parts[from..].join("/"))));

@@ -11,6 +11,8 @@ pub const MAX_TEXELS: usize = 1 << 29;
 /// Largest coordinate of a vertex in the world (m): products of four lengths still fit into 32-bit floats. Cameras
 /// and lights may be ten times as far.
 pub const MAX_COORDINATE: f32 = 1e9;
+/// Smallest extent of a scene (m): the square of an area within it still is a 32-bit float.
+pub const MIN_EXTENT: f32 = 1e-12;
 /// Largest radiance (W/(sr·m²)), intensity (W/sr) or irradiance (W/m²) of anything that shines: ten thousand suns seen from
 /// a micrometre off still fit into 32-bit floats.
 pub const MAX_RADIANCE: f32 = 1e24;

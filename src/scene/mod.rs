@@ -36,7 +36,7 @@ pub(crate) use import::FRAMED;
 pub use light::{Light, LightKind};
 pub use limits::{
     MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
-    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES,
+    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES, MIN_EXTENT,
 };
 pub use material::{
     AlphaMode, Clearcoat, Filter, Image, Material, NormalMap, Sampler, TextureRef, TextureTransform, Volume,

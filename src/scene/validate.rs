@@ -2,12 +2,12 @@
 
 use super::limits::{
     Checked, MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
-    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES,
+    MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES, MIN_EXTENT,
 };
 use super::{
     AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
 };
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
@@ -259,6 +259,7 @@ impl Scene {
         }
         self.check_sizes().map_err(|problem| fail("size".into(), problem))?;
         let mut triangles = 0_usize;
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for (i, instance) in self.instances.iter().enumerate() {
             let element = || format!("instances[{i}] ({})", instance.name);
             let Some(mesh) = self.meshes.get(instance.mesh as usize) else {
@@ -279,9 +280,15 @@ impl Scene {
             }
             for &position in &mesh.positions {
                 let placed = instance.transform.transform_point3(position).as_dvec3() + self.origin;
+                (low, high) = (low.min(placed), high.max(placed));
                 within_reach("a vertex at", placed.as_vec3(), MAX_COORDINATE)
                     .map_err(|problem| fail(element(), problem))?;
             }
+        }
+        let extent = (high - low).max_element();
+        if extent > 0.0 && extent < f64::from(MIN_EXTENT) {
+            let problem = format!("the scene is {extent:e} m across, expected at least {MIN_EXTENT:e}");
+            return Err(fail("size".into(), problem));
         }
         Ok(())
     }

@@ -142,15 +142,21 @@ pub(super) fn fetch(files: &Files, uri: &str, budget: &RefCell<Budget>) -> Resul
         let (kind, payload) = data.split_once(',').ok_or("its data: URI has no comma")?;
         budget.borrow_mut().take(payload.len() as u64)?;
         let payload = percent_decoded(payload)?;
-        let bytes = if kind.ends_with(";base64") { base64(&payload)? } else { payload.into_owned() };
+        let bytes = if kind.to_ascii_lowercase().ends_with(";base64") {
+            base64(&payload)?
+        } else {
+            payload.into_owned()
+        };
         return Ok(Fetched { bytes, differs: None });
     }
     let decoded = String::from_utf8(percent_decoded(uri)?.into_owned())
         .map_err(|_| "its URI is not UTF-8".to_owned())?;
     let found = files.find(&decoded)?;
     budget.borrow_mut().take(std::fs::metadata(&found.path).map_or(0, |file| file.len()))?;
-    let bytes = file::read_file(&found.path)
-        .map_err(|problem| format!("`{}` {problem}", file::shortened(&decoded)))?;
+    let bytes = file::read_file(&found.path).map_err(|fault| match fault {
+        Fault::Broken(problem) => format!("`{}` {problem}", file::shortened(&decoded)).into(),
+        short => short,
+    })?;
     Ok(Fetched { bytes, differs: found.differs })
 }
 

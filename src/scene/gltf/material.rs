@@ -222,7 +222,7 @@ impl Context<'_> {
             all.far_sets += 1;
             return Ok(None);
         }
-        let source = self.origin(usage.index, all)?;
+        let Some(source) = self.origin(usage.index, all)? else { return Ok(None) };
         let image = match all.stored.get(&source) {
             Some(&image) => image,
             None => {
@@ -248,10 +248,10 @@ impl Context<'_> {
     }
 
     /// The image that a texture shows; its extensions may name others, in formats not read here.
-    fn origin(&self, texture: usize, all: &Textures) -> Result<usize, SceneError> {
+    fn origin(&self, texture: usize, all: &Textures) -> Result<Option<usize>, SceneError> {
         let source = &self.root.textures[texture];
         if let Some(&image) = all.origin.get(source.source.value()) {
-            return Ok(image);
+            return Ok(Some(image));
         }
         let others = source.extensions.iter().flat_map(|extensions| &extensions.others);
         let other = others.filter_map(|(name, other)| Some((name, other.get("source")?.as_u64()?)));
@@ -260,7 +260,11 @@ impl Context<'_> {
                 let problem = format!("it is there by {name} alone, which is not supported");
                 Err(self.error(format!("images[{image}]"), problem))
             }
-            None => Err(self.error(format!("textures[{texture}]"), "its source is missing")),
+            None => {
+                let element = format!("textures[{texture}]");
+                self.mend(element, "its source is missing", "surfaces go without such textures")?;
+                Ok(None)
+            }
         }
     }
 

@@ -80,7 +80,7 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
 /// # Errors
 /// [`SceneError`] names the file, the element and the defect.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let bytes = file::read_file(path).map_err(|problem| SceneError::new(path, "file", problem))?;
+    let bytes = file::read_file(path).map_err(|fault| fault.of(path, "file"))?;
     read(path, &bytes, options)
 }
 
@@ -119,10 +119,14 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
     context.scene(options, animations)
 }
 
+/// Bytes that an object of JSON takes once it is typed and of the scene: a material's, the largest.
+const OBJECT: u64 = 2048;
+
 /// Bytes that JSON takes once it is parsed and typed, or a little more.
 fn parsed_size(text: &[u8]) -> u64 {
     let values = text.iter().filter(|byte| b",:[{".contains(byte)).count();
-    2 * text.len() as u64 + values as u64 * 3 * size_of::<json::Value>() as u64
+    let objects = text.iter().filter(|&&byte| byte == b'{').count();
+    2 * text.len() as u64 + values as u64 * 3 * size_of::<json::Value>() as u64 + objects as u64 * OBJECT
 }
 
 /// Types the JSON and checks all indices in it.

@@ -63,7 +63,10 @@ impl Context<'_> {
         let source = &self.root.skins[index];
         let element = format!("skins[{index}]");
         let count = source.joints.len();
-        self.take::<[DAffine3; 2]>(count).map_err(|shortage| self.fault(&element, shortage))?;
+        // They are gone before the next.
+        let mut transient = *self.budget.borrow();
+        let bytes = count as u64 * size_of::<[DAffine3; 2]>() as u64;
+        transient.take(bytes).map_err(|shortage| self.fault(&element, shortage))?;
         let mut joints = Vec::with_capacity(count);
         for joint in &source.joints {
             joints.push(self.world(joint.value(), worlds)?);

@@ -1,6 +1,6 @@
 //! Materials of .mtl files and their pictures.
 
-use super::mtl::{Map, Mtl, Taken, Textures};
+use super::mtl::{Map, Mtl, Taken, Textures, plain};
 use super::picture::{self, Channel, Scalar};
 use super::source::Source;
 use super::text::{brief, split, statements, uncommented};
@@ -16,6 +16,8 @@ pub(super) struct Library {
     pub(super) materials: Vec<Material>,
     /// Materials whose base colour stands in for one that they lack.
     pub(super) lacks_color: HashSet<u32>,
+    /// What is wrong with materials that nothing can be made of.
+    defects: HashMap<u32, SceneError>,
     /// Kinds of statements left out.
     pub(super) skipped: BTreeSet<String>,
     /// The line of the `mtllib`, and the material.
@@ -27,6 +29,9 @@ pub(super) struct Library {
     images: Vec<Rc<Image>>,
     texels: usize,
 }
+
+/// Bytes that a material takes, with its names in several lists.
+const MATERIAL: u64 = 4 * size_of::<Material>() as u64;
 
 const NO_LIBRARY: &str = "materials of such libraries are the default one";
 
@@ -46,10 +51,16 @@ impl Library {
     /// The material that `usemtl` in `line` means, and whether its library came before.
     pub(super) fn find(&self, name: &str, line: usize) -> Option<(u32, bool)> {
         let named = self.by_name.get(name).or_else(|| self.by_name.get(uncommented(name)))?;
-        match named.iter().rev().find(|(library, _)| *library < line) {
-            Some(&(_, material)) => Some((material, true)),
-            None => named.first().map(|&(_, material)| (material, false)),
+        // In the order of their libraries.
+        match named.partition_point(|&(library, _)| library < line) {
+            0 => named.first().map(|&(_, material)| (material, false)),
+            before => Some((named[before - 1].1, true)),
         }
+    }
+
+    /// Refuses a material that a surface is made of and that is broken.
+    pub(super) fn check(&mut self, material: u32) -> Result<(), SceneError> {
+        self.defects.remove(&material).map_or(Ok(()), Err)
     }
 
     pub(super) fn images(&mut self) -> Vec<Image> {
@@ -115,6 +126,9 @@ impl Library {
                         "it is the material of a usemtl without one",
                     )?;
                 }
+                source
+                    .take(MATERIAL)
+                    .map_err(|shortage| SceneError::short(path, format!("line {line}"), shortage))?;
                 self.close(source, library, path, open.replace(Mtl::new(rest, line)))?;
                 continue;
             }
@@ -124,10 +138,13 @@ impl Library {
                 continue;
             };
             let taken = material.statement(&keyword, uncommented(rest), rest, line);
-            match taken.map_err(|problem| SceneError::new(path, format!("line {line}"), problem))? {
-                Taken::All => {}
-                Taken::But(problem, remedy) => source.mend(path, line, problem, remedy)?,
-                Taken::LeftOut => {
+            match taken {
+                Err(problem) => {
+                    material.defect.get_or_insert((line, problem));
+                }
+                Ok(Taken::All) => {}
+                Ok(Taken::But(problem, remedy)) => source.mend(path, line, problem, remedy)?,
+                Ok(Taken::LeftOut) => {
                     let written = statement.split_whitespace().next().unwrap_or_default();
                     self.skipped.insert(format!("{} (MTL)", brief(written)));
                 }
@@ -149,12 +166,16 @@ impl Library {
             source.mend(path, mtl.line, "d and Tr contradict each other", "d is the one that counts")?;
         }
         let textures = Shop { library: self, source, path }.textures(&mut mtl)?;
-        let material = mtl.material(&textures);
-        material.check().map_err(|problem| {
-            let problem = format!("material `{}`: {problem}", file::shortened(&mtl.name));
-            SceneError::new(path, format!("line {}", mtl.line), problem)
-        })?;
+        let mut material = mtl.material(&textures);
+        let checked = material
+            .check()
+            .map_err(|problem| (mtl.line, format!("material `{}`: {problem}", file::shortened(&mtl.name))));
         let index = self.materials.len() as u32;
+        if let Some((line, problem)) = mtl.defect.take().or(checked.err()) {
+            source.mend(path, line, &*problem, "no surface is made of such materials")?;
+            material = plain(&mtl.name);
+            self.defects.insert(index, SceneError::new(path, format!("line {line}"), problem));
+        }
         if mtl.lacks_color(&textures) && material.transmission == 0.0 {
             self.lacks_color.insert(index);
         }
@@ -274,7 +295,8 @@ impl Shop<'_> {
         }
         let bytes = match file::read_file(path) {
             Ok(bytes) => bytes,
-            Err(problem) => return Ok(Err(problem)),
+            Err(Fault::Broken(problem)) => return Ok(Err(problem)),
+            Err(short) => return Err(short.of(self.path, format!("line {line}"))),
         };
         match self.source.decoded(name, &bytes) {
             Ok(image) => {

@@ -72,6 +72,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     reader.finish()
 }
 
+/// Bytes that an object takes beside its triangles and vertices, with the arrays that hold it.
+const MESH: u64 = 2 * (size_of::<Mesh>() + size_of::<Instance>()) as u64 + 256;
+
 /// No texture coordinate or normal.
 const NONE: u32 = u32::MAX;
 
@@ -144,6 +147,7 @@ impl<'a> Reader<'a> {
             "f" | "fo" => self.face(line, uncommented(rest))?,
             "l" | "p" => self.points_and_lines += 1,
             "o" => {
+                self.source.take(MESH).map_err(|shortage| self.source.short(shortage))?;
                 self.end_mesh();
                 rest.clone_into(&mut self.mesh.name);
             }
@@ -262,6 +266,9 @@ impl<'a> Reader<'a> {
             self.mend(line, problem, "triangles of such polygons overlap")?;
         }
         let has_color = corners.iter().any(|corner| self.vertices.color(corner[0]).is_some());
+        if let Some(material) = self.material {
+            self.library.check(material)?;
+        }
         let material = self.material(has_color);
         let before = self.open.len();
         let vertices: Vec<u32> = corners.into_iter().map(|corner| self.vertex(corner)).collect();

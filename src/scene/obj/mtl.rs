@@ -6,7 +6,7 @@ use crate::scene::{AlphaMode, Clearcoat, Material, NormalMap, TextureRef, Textur
 use glam::{Vec2, Vec3, Vec4};
 
 /// How far outside 0 … 1 a factor may be for it to be taken for rounding.
-const HAIR: f64 = 1e-3;
+const HAIR: f64 = 0.1;
 
 /// What an MTL material says of itself.
 #[derive(Default)]
@@ -27,6 +27,8 @@ pub(super) struct Mtl {
     coat: f32,
     coat_roughness: f32,
     pub(super) maps: Maps,
+    /// The line of the first statement that is broken and can't be left out, and what is wrong with it.
+    pub(super) defect: Option<(usize, String)>,
 }
 
 /// Pictures as a material names them, each with the line it is in.
@@ -153,7 +155,7 @@ impl Mtl {
             "kd" => self.diffuse = Some(three),
             "ks" => self.specular = Some(three),
             "ke" => self.emission = Some(three),
-            "ns" if one < 0.0 => return Err("Ns is negative".into()),
+            "ns" if one < 0.0 => return Ok(Taken::But("Ns is negative".into(), SKIPPED)),
             "ns" => self.shininess = Some(one),
             "ni" => self.ior = Some(one),
             "d" => self.dissolve = Some(one),
@@ -168,7 +170,7 @@ impl Mtl {
 
     /// Whether `Tr` says other than `d`, which is the one that counts.
     pub(super) fn contradicts_itself(&self) -> bool {
-        self.dissolve.zip(self.transparency).is_some_and(|(d, tr)| (d + tr - 1.0).abs() > HAIR as f32)
+        self.dissolve.zip(self.transparency).is_some_and(|(d, tr)| (d + tr - 1.0).abs() > 1e-3)
     }
 
     /// Whether its base colour is not its own.
@@ -318,7 +320,8 @@ impl Map {
         map.reference.transform.offset = Vec2::new(offset.x, 1.0 - scale.y - offset.y);
         map.reference.transform.scale = scale;
         // A name without options may hold anything.
-        map.file = if file.join(" ").len() == code.len() { rest.to_owned() } else { file.join(" ") };
+        let has_options = file.len() < code.split_whitespace().count();
+        map.file = if !has_options { rest.to_owned() } else { file.join(" ") };
         (!map.file.is_empty()).then_some(map)
     }
 }

@@ -63,7 +63,11 @@ impl<'a> Source<'a> {
         let length = std::fs::metadata(path).map_or(0, |file| file.len());
         // Its bytes, and its text where they are not that already.
         self.take(2 * length).map_err(|shortage| SceneError::short(path, "file", shortage))?;
-        Ok(file::read_file(path).and_then(text::decoded))
+        match file::read_file(path) {
+            Ok(bytes) => Ok(text::decoded(bytes)),
+            Err(Fault::Broken(problem)) => Ok(Err(problem)),
+            Err(short) => Err(short.of(path, "file")),
+        }
     }
 
     pub(super) fn is_there(&self, name: &str) -> bool {

@@ -28,7 +28,12 @@ pub(super) fn decoded(bytes: Vec<u8>) -> Result<String, String> {
 /// Lines that end as on any system, numbered from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let ended = |line| str::strip_suffix(line, '\r').unwrap_or(line).split('\r');
-    (1..).zip(text.split('\n').flat_map(ended).map(str::trim))
+    (1..).zip(text.split('\n').flat_map(ended).map(unmarked))
+}
+
+/// Files that were put together have a byte order mark in their middle.
+fn unmarked(line: &str) -> &str {
+    line.trim().trim_start_matches('\u{feff}').trim_start()
 }
 
 /// Lines that are not comments, those ending in `\` joined with the next, by the number of their first.
