@@ -19,7 +19,10 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 /// Specialization constants from this id on describe the scene and are shared by all kernels.
 const FIRST_SCENE_CONSTANT: u32 = 100;
@@ -34,6 +37,9 @@ const SHARED: [&str; 7] = [
     "trace/software.glsl",
     "vpl_shoot/blocks.glsl",
 ];
+/// What a kernel is compiled for.
+const SOFTWARE: &str = "TRACE_SOFTWARE";
+const RAY_QUERY: &str = "TRACE_RAY_QUERY";
 /// A kernel that includes this counts its rays.
 const COUNTER_INTERFACE: &str = "lib/counters.glsl";
 
@@ -53,23 +59,18 @@ fn main() {
     walk(&root, &mut sources);
     sources.sort();
 
-    let compiler = shaderc::Compiler::new().expect("shaderc starts");
-    let mut kernels = BTreeMap::new();
     let mut counters = Vec::new();
-    let mut failed = false;
+    let mut read = Vec::new();
     for path in sources.iter().filter(|path| path.extension().is_some_and(|e| e == "comp")) {
         let name = relative(&root, path).trim_end_matches(".comp").to_owned();
-        match build_kernel(&compiler, &root, path, &name, &mut counters) {
-            Ok(kernel) => drop(kernels.insert(name, kernel)),
-            Err(errors) => {
-                failed = true;
-                errors.lines().for_each(|line| println!("cargo::error={line}"));
-            }
-        }
+        read.push(read_kernel(&root, path, name, &mut counters));
     }
-    if failed {
+    let built: Result<BTreeMap<String, Kernel>, String> =
+        read.into_iter().collect::<Result<Vec<_>, _>>().and_then(|read| optimized(&root, read));
+    let kernels = built.unwrap_or_else(|errors| {
+        errors.lines().for_each(|line| println!("cargo::error={line}"));
         std::process::exit(1);
-    }
+    });
     let code = match generate(&root, &sources, &kernels, &counters) {
         Ok(code) => code,
         Err(error) => {
@@ -103,33 +104,67 @@ struct Includes {
     counts: bool,
 }
 
+/// A kernel without code.
+struct ReadKernel {
+    name: String,
+    path: PathBuf,
+    reflection: Reflection,
+    traces: bool,
+    /// The cell it counts its rays in.
+    counter: String,
+}
+
 /// `counters` are the kernels before it that count their rays.
-fn build_kernel(
-    compiler: &shaderc::Compiler,
+fn read_kernel(
     root: &Path,
     path: &Path,
-    name: &str,
+    name: String,
     counters: &mut Vec<String>,
-) -> Result<Kernel, String> {
+) -> Result<ReadKernel, String> {
     // A test has the cells to itself.
     let test = name.starts_with("test/");
     let counter = format!("{}u", if test { 0 } else { counters.len() });
-    let compile =
-        |backend, level| compile(compiler, root, path, &[(backend, "1"), ("RAY_COUNTER", &counter)], level);
-    let (names, includes) = compile("TRACE_SOFTWARE", shaderc::OptimizationLevel::Zero)?;
+    let defines = [(SOFTWARE, "1"), ("RAY_COUNTER", &counter)];
+    let (names, includes) = compile(root, path, &defines, shaderc::OptimizationLevel::Zero)?;
     let reflection = reflect::reflect(&names).map_err(|error| format!("{}: {error}", path.display()))?;
-    let fast = shaderc::OptimizationLevel::Performance;
-    let (plain, _) = compile("TRACE_SOFTWARE", fast)?;
-    let ray_query =
-        includes.traces.then(|| compile("TRACE_RAY_QUERY", fast).map(|(words, _)| words)).transpose()?;
     if includes.counts && !test {
-        counters.push(name.to_owned());
+        counters.push(name.clone());
     }
-    Ok(Kernel { reflection, plain, ray_query })
+    Ok(ReadKernel { name, path: path.to_owned(), reflection, traces: includes.traces, counter })
+}
+
+/// Compiles all variants of all kernels, which takes minutes, on all cores.
+fn optimized(root: &Path, read: Vec<ReadKernel>) -> Result<BTreeMap<String, Kernel>, String> {
+    let variants =
+        |kernel: &ReadKernel| if kernel.traces { vec![SOFTWARE, RAY_QUERY] } else { vec![SOFTWARE] };
+    let jobs: Vec<_> = read
+        .iter()
+        .flat_map(|kernel| variants(kernel).into_iter().map(move |backend| (kernel, backend)))
+        .collect();
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some(&(kernel, backend)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let defines = [(backend, "1"), ("RAY_COUNTER", &kernel.counter)];
+            let code = compile(root, &kernel.path, &defines, shaderc::OptimizationLevel::Performance);
+            done.push(((kernel.name.clone(), backend), code.map(|(words, _)| words)));
+        }
+        done
+    };
+    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let mut done: BTreeMap<_, _> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().expect("a compiler ends")).collect()
+    });
+    let kernels = read.into_iter().map(|kernel| {
+        let mut code = |backend| done.remove(&(kernel.name.clone(), backend)).transpose();
+        let (plain, ray_query) = (code(SOFTWARE)?.unwrap_or_default(), code(RAY_QUERY)?);
+        Ok((kernel.name, Kernel { reflection: kernel.reflection, plain, ray_query }))
+    });
+    kernels.collect()
 }
 
 fn compile(
-    compiler: &shaderc::Compiler,
     root: &Path,
     path: &Path,
     defines: &[(&str, &str)],
@@ -153,7 +188,8 @@ fn compile(
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
     let name = path.display().to_string();
-    let artifact = compiler
+    let artifact = shaderc::Compiler::new()
+        .expect("shaderc starts")
         .compile_into_spirv(&source, shaderc::ShaderKind::Compute, &name, "main", Some(&options))
         .map_err(|error| error.to_string())?;
     Ok((artifact.as_binary().to_vec(), includes.get()))

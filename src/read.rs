@@ -46,6 +46,19 @@ pub(crate) fn text(path: &Path, limit: u64) -> io::Result<String> {
     text.map(str::to_owned).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
+/// Refuses text in UTF-16, with a mark or without one.
+///
+/// # Errors
+/// It is such.
+pub(crate) fn narrow(bytes: &[u8]) -> Result<(), &'static str> {
+    match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [1..=255, 0, 1..=255, 0, ..] | [0, 1..=255, 0, 1..=255, ..] => {
+            Err("is UTF-16, and only UTF-8 is read")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// `bytes` behind a byte order mark of UTF-8, which editors put before any text.
 pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)

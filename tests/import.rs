@@ -1123,6 +1123,7 @@ fn harmless_defects_are_mended_and_noted() {
         ("cones that are equal", |a| for cone in ["innerConeAngle", "outerConeAngle"] {
             a.json["extensions"]["KHR_lights_punctual"]["lights"][0]["spot"][cone] = json!(0.4); }, Some("cone angles are 0.4 and 0.4")),
         ("a cone of half a turn", |a| a.json["extensions"]["KHR_lights_punctual"]["lights"][0]["spot"]["outerConeAngle"] = json!(1.570_797), Some("cone angles")),
+        ("weights of nothing", |a| a.json["nodes"][0]["weights"] = json!([0.5]), Some("0 morph targets, but 1 weights")),
         ("a null", |a| a.json["nodes"][0]["camera"] = json!(null), Some("is null")),
         ("a name that is none", |a| a.json["materials"][0]["name"] = json!(5), Some("no string")),
         ("an odd filter", |a| a.json["samplers"][0]["magFilter"] = json!(9987), Some("9987")),

@@ -201,7 +201,10 @@ impl Context<'_> {
         let targets = primitive.targets.as_deref().unwrap_or(&[]);
         if !weights.is_empty() && targets.len() != weights.len() {
             let problem = format!("{} morph targets, but {} weights", targets.len(), weights.len());
-            return Err(self.error(element, problem));
+            if !targets.is_empty() {
+                return Err(self.error(element, problem));
+            }
+            self.mend(element, problem, "weights of nothing change nothing")?;
         }
         let vertices = self.vertices(primitive, element)?;
         let positions = self.attribute(primitive, element, Semantic::Positions)?;

@@ -20,6 +20,7 @@ use super::{
     Camera, Fault, Instance, Light, LightKind, LoadOptions, MAX_TRIANGLES, Material, Scene, SceneError, View,
 };
 use crate::memory::Budget;
+use crate::read::narrow;
 use ::gltf::json;
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::extensions::scene::khr_lights_punctual;
@@ -98,6 +99,7 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
         let chunks = container::split(path, bytes, mended)?;
         (chunks.json, chunks.binary)
     } else {
+        narrow(bytes).map_err(|problem| SceneError::new(path, "file", problem))?;
         (bytes, None)
     };
     let short = |shortage| SceneError::short(path, "JSON", shortage);

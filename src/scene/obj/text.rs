@@ -10,13 +10,11 @@ pub(super) const CUT: &str = "what follows the numbers of a statement is left ou
 /// What bytes say. Names may be in any encoding; what is not UTF-8 is read as Latin-1.
 ///
 /// # Errors
-/// They are UTF-16.
+/// They are UTF-16, or no text at all.
 pub(super) fn decoded(bytes: Vec<u8>) -> Result<String, String> {
-    // With a mark or without one.
-    if let [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [1..=255, 0, 1..=255, 0, ..] | [0, 1..=255, 0, 1..=255, ..] =
-        bytes[..]
-    {
-        return Err("is UTF-16, and only UTF-8 is read".into());
+    read::narrow(&bytes)?;
+    if bytes.starts_with(b"glTF") {
+        return Err("is binary glTF: its name ends in .glb".into());
     }
     Ok(match std::str::from_utf8(read::without_mark(&bytes)) {
         Ok(text) if text.len() < bytes.len() => text.to_owned(),
