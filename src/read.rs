@@ -64,7 +64,7 @@ pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
-/// More bytes than OpenEXR's compressions make of one: 1032 by Deflate, which is the best of them at nothing.
+/// More bytes of pixels than OpenEXR's compressions put into one: Deflate puts 1032 zeros there, the others fewer.
 const EXR_RATIO: u64 = 2048;
 
 /// Bytes of memory that the pixels of an OpenEXR file of `length` bytes take once they are read; those of its largest part.

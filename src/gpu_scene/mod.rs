@@ -422,7 +422,8 @@ fn power(light: &shaders::Light) -> f64 {
 }
 
 /// Lights with their flux and the distribution they are chosen by: in proportion to power. Lights that give
-/// none are left out, such as a cone too narrow for 32-bit floats. What a directional light emits is what falls on the disc of `radius` (m).
+/// none are left out, as are cones too narrow for 32-bit floats. What a directional light emits is what falls
+/// on the disc of `radius` (m).
 fn light_records(lights: &[Light], radius: f32) -> Vec<shaders::Light> {
     let shining = lights.iter().filter(|light| light.intensity.max_element() > 0.0);
     let mut records: Vec<_> = shining
