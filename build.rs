@@ -19,6 +19,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -59,6 +60,10 @@ fn main() {
     walk(&root, &mut sources);
     sources.sort();
 
+    let mut hasher = DefaultHasher::new();
+    for path in &sources {
+        (relative(&root, path), fs::read(path).expect("glsl/ can be read")).hash(&mut hasher);
+    }
     let mut counters = Vec::new();
     let mut read = Vec::new();
     for path in sources.iter().filter(|path| path.extension().is_some_and(|e| e == "comp")) {
@@ -66,7 +71,7 @@ fn main() {
         read.push(read_kernel(&root, path, name, &mut counters));
     }
     let built: Result<BTreeMap<String, Kernel>, String> =
-        read.into_iter().collect::<Result<Vec<_>, _>>().and_then(|read| optimized(&root, read));
+        read.into_iter().collect::<Result<Vec<_>, _>>().and_then(|read| optimized(&root, &hasher, read));
     let kernels = built.unwrap_or_else(|errors| {
         errors.lines().for_each(|line| println!("cargo::error={line}"));
         std::process::exit(1);
@@ -134,7 +139,11 @@ fn read_kernel(
 }
 
 /// Compiles all variants of all kernels, which takes minutes, on all cores.
-fn optimized(root: &Path, read: Vec<ReadKernel>) -> Result<BTreeMap<String, Kernel>, String> {
+fn optimized(
+    root: &Path,
+    sources: &DefaultHasher,
+    read: Vec<ReadKernel>,
+) -> Result<BTreeMap<String, Kernel>, String> {
     let variants =
         |kernel: &ReadKernel| if kernel.traces { vec![SOFTWARE, RAY_QUERY] } else { vec![SOFTWARE] };
     let jobs: Vec<_> = read
@@ -145,9 +154,14 @@ fn optimized(root: &Path, read: Vec<ReadKernel>) -> Result<BTreeMap<String, Kern
     let work = || {
         let mut done = Vec::new();
         while let Some(&(kernel, backend)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let defines = [(backend, "1"), ("RAY_COUNTER", &kernel.counter)];
-            let code = compile(root, &kernel.path, &defines, shaderc::OptimizationLevel::Performance);
-            done.push(((kernel.name.clone(), backend), code.map(|(words, _)| words)));
+            let defines = [(backend, "1"), ("RAY_COUNTER", &*kernel.counter)];
+            let compiled = || {
+                let level = shaderc::OptimizationLevel::Performance;
+                compile(root, &kernel.path, &defines, level).map(|(words, _)| words)
+            };
+            let mut key = sources.clone();
+            (&kernel.name, defines).hash(&mut key);
+            done.push(((kernel.name.clone(), backend), kept(key.finish(), compiled)));
         }
         done
     };
@@ -162,6 +176,26 @@ fn optimized(root: &Path, read: Vec<ReadKernel>) -> Result<BTreeMap<String, Kern
         Ok((kernel.name, Kernel { reflection: kernel.reflection, plain, ray_query }))
     });
     kernels.collect()
+}
+
+/// What `make` makes, unless an earlier build kept it in the folder that `PARHELION_KERNELS` names: builds of other features
+/// and profiles make the same.
+fn kept(key: u64, make: impl FnOnce() -> Result<Vec<u32>, String>) -> Result<Vec<u32>, String> {
+    let Some(folder) = std::env::var_os("PARHELION_KERNELS").map(PathBuf::from) else { return make() };
+    let file = folder.join(format!("{key:016x}.spv"));
+    if let Ok(bytes) = fs::read(&file) {
+        let words =
+            bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().expect("four bytes")));
+        return Ok(words.collect());
+    }
+    let words = make()?;
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let unfinished = file.with_extension(std::process::id().to_string());
+    let written = fs::create_dir_all(&folder).and_then(|()| fs::write(&unfinished, bytes));
+    written
+        .and_then(|()| fs::rename(&unfinished, &file))
+        .map_err(|error| format!("PARHELION_KERNELS: {error}"))?;
+    Ok(words)
 }
 
 fn compile(
