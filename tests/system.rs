@@ -192,7 +192,11 @@ fn stopped(folder: &Folder, args: &[&str], name: &str) {
 fn every_signal_to_stop_is_answered_in_the_middle_of_work() {
     let Some((_guard, device)) = common::device() else { return };
     let folder = Folder::new();
-    for name in ["HUP", "QUIT", "TERM", "INT"] {
+    // Where these tests run under `nohup` themselves, so does the program.
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let deaf = ignored.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() & 1 == 1);
+    for name in ["HUP", "QUIT", "TERM", "INT"].into_iter().skip(usize::from(deaf)) {
         stopped(&folder, &["--vpls", "5000", "--pixel-samples", "65536"], name);
     }
     let ray_query = device.info().ray_query.then_some("ray-query");
@@ -646,10 +650,7 @@ fn limited(folder: &Folder, limit: &str) -> Command {
 fn limits_of_the_shell_are_errors() {
     let Some((_guard, _)) = common::device() else { return };
     let folder = Folder::new();
-    // Blocks of 512 bytes, kibibytes.
-    for (limit, code, word) in
-        [("-f 1", 1, "a.exr"), ("-v 300000", 71, "1.5 GiB"), ("-v 1000000", 71, "1.5 GiB")]
-    {
+    for (limit, code, word) in [("-v 300000", 71, "1.5 GiB"), ("-v 1000000", 71, "1.5 GiB")] {
         let mut command = limited(&folder, limit);
         command.args(&SMALL[1..]).args(["-o", "a.exr", "-q"]).env("XDG_CACHE_HOME", "/nowhere");
         let output = output(command);

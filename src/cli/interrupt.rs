@@ -2,7 +2,6 @@
 
 use crate::output::{Writing, discard_unfinished, writing};
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
@@ -41,9 +40,7 @@ pub(super) fn finished() {
 /// Listens for SIGINT, SIGTERM, SIGQUIT and SIGHUP; for the last not where it is ignored, as `nohup` has it.
 #[cfg(unix)]
 pub(super) fn listen() -> io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
-    // A file beyond `ulimit -f` is an error of the write.
-    signal_hook::flag::register(SIGXFSZ, Arc::default())?;
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
     let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGQUIT])?;
     if !is_ignored(SIGHUP) {
         signals.add_signal(SIGHUP)?;
