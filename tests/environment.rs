@@ -2,16 +2,10 @@
 
 mod common;
 
-use common::{gray, quad, scene};
+use common::{gray, quad, scene, write};
 use glam::Vec3;
 use parhelion::scene::{Environment, LoadOptions, SceneProfile};
-use std::path::{Path, PathBuf};
-
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
-    let file = folder.join(name);
-    std::fs::write(&file, bytes).unwrap();
-    file
-}
+use std::path::Path;
 
 #[test]
 fn environments_load_or_say_why_not() {

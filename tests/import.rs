@@ -2,6 +2,7 @@
 
 mod common;
 
+use common::{SQUARE, UV, png, shared, strict, write};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
@@ -108,10 +109,6 @@ impl Asset {
     }
 }
 
-fn strict() -> LoadOptions {
-    LoadOptions { strict: true, ..LoadOptions::default() }
-}
-
 fn container(json: &[u8], bin: Option<&[u8]>) -> Vec<u8> {
     let mut json = json.to_vec();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -129,23 +126,6 @@ fn container(json: &[u8], bin: Option<&[u8]>) -> Vec<u8> {
     file
 }
 
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
-    let path = folder.join(name);
-    std::fs::write(&path, bytes).unwrap();
-    path
-}
-
-fn png(width: u32, height: u32, texels: &[[u8; 4]]) -> Vec<u8> {
-    let image = image::RgbaImage::from_raw(width, height, texels.as_flattened().to_vec()).unwrap();
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    bytes.into_inner()
-}
-
-const SQUARE: [Vec3; 4] =
-    [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)];
-const UV: [Vec2; 4] = [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::new(0.0, 0.0)];
-
 /// A textured square with a camera, a spot light and one of everything else that can break:
 /// accessors 0 positions, 1 indices, 2 texture coordinates; nodes 0 square, 1 camera, 2 light, 3 parent of all.
 fn square() -> Asset {
@@ -153,7 +133,7 @@ fn square() -> Asset {
     let positions = asset.positions(&SQUARE);
     let indices = asset.accessor(bytemuck::cast_slice(&[0_u16, 1, 2, 0, 2, 3]), U16, "SCALAR", 6);
     let uv = asset.accessor(bytemuck::cast_slice(&UV), F32, "VEC2", 4);
-    let view = asset.view(&png(2, 1, &[[255, 0, 0, 255], [0, 255, 0, 128]]), None);
+    let view = asset.view(&png(2, &[[255, 0, 0, 255], [0, 255, 0, 128]]), None);
     asset.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
     asset.push("samplers", json!({}));
     asset.push("textures", json!({"source": 0, "sampler": 0}));
@@ -459,7 +439,7 @@ fn broken_gltf_files_have_one_error() {
         (
             "image too large",
             |a| {
-                let mut huge = png(1, 1, &[[0; 4]]);
+                let mut huge = png(1, &[[0; 4]]);
                 huge[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
                 let checksum = crc32(&huge[12..29]).to_be_bytes();
                 huge[29..33].copy_from_slice(&checksum);
@@ -1549,7 +1529,7 @@ fn textures_keep_image_sampler_and_transform() {
 fn textured(texel: impl Fn(usize) -> [u8; 4]) -> Asset {
     let mut asset = square();
     for kind in 1..10 {
-        let view = asset.view(&png(1, 1, &[texel(kind)]), None);
+        let view = asset.view(&png(1, &[texel(kind)]), None);
         asset.push("images", json!({"bufferView": view}));
         asset.push("textures", json!({"source": kind}));
     }
@@ -2179,19 +2159,6 @@ proptest! {
             scene.validate().unwrap();
         }
     }
-}
-
-/// A folder of the shared data; where it is absent the test is skipped, unless `PARHELION_REQUIRE` names `shared`.
-fn shared(folder: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    let required = std::env::var("PARHELION_REQUIRE")
-        .is_ok_and(|list| list.split(',').any(|word| word.trim() == "shared"));
-    assert!(!required, "{} is required, but not there", path.display());
-    eprintln!("SKIPPED: {} is not there", path.display());
-    None
 }
 
 fn files(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {

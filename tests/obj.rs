@@ -2,31 +2,13 @@
 
 mod common;
 
+use common::{SQUARE, UV, png, strict, write};
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3, Vec4};
 use parhelion::scene::{self, AlphaMode, LoadOptions, Material, Scene, SceneError, Wrap};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
-    let path = folder.join(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(&path, bytes).unwrap();
-    path
-}
-
-fn png(width: u32, texels: &[[u8; 4]]) -> Vec<u8> {
-    let height = texels.len() as u32 / width;
-    let image = image::RgbaImage::from_raw(width, height, texels.as_flattened().to_vec()).unwrap();
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    bytes.into_inner()
-}
-
-const SQUARE: [Vec3; 4] =
-    [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)];
-const UV: [Vec2; 4] = [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::new(0.0, 0.0)];
 
 const OBJ: &str = "\
 # a square
@@ -59,10 +41,6 @@ fn folder(obj: &[u8], mtl: &[u8]) -> (tempfile::TempDir, PathBuf) {
     write(folder.path(), "wood.png", &png(1, &[[9, 8, 7, 255]]));
     let path = write(folder.path(), "room.obj", obj);
     (folder, path)
-}
-
-fn strict() -> LoadOptions {
-    LoadOptions { strict: true, ..LoadOptions::default() }
 }
 
 fn load(path: &Path) -> Result<Scene, SceneError> {

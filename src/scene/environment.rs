@@ -44,7 +44,8 @@ impl Environment {
     /// [`MAX_RADIANCE`]; where `options` are strict, the first that would be mended.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<(Self, Vec<String>), SceneError> {
         let fail = |problem: String| SceneError::new(path, "environment", problem);
-        let bytes = file::read_file(path).map_err(|fault| fault.of(path, "environment"))?;
+        let bytes = file::read_file(path, &mut Budget::of_process())
+            .map_err(|fault| fault.of(path, "environment"))?;
         let room = |bytes| {
             let taken = Budget::of_process().take(bytes);
             taken.map_err(|shortage| SceneError::short(path, "environment", shortage))

@@ -10,11 +10,10 @@ use std::path::{Component, Path, PathBuf};
 /// Largest file read (bytes), the most a .glb can say of itself.
 const MAX_FILE_BYTES: u64 = u32::MAX as u64;
 
-/// Reads a regular file that there is memory for; anything else (a folder, a pipe that would block) is an error.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Fault> {
-    if let Ok(file) = path.metadata() {
-        Budget::of_process().take(file.len())?;
-    }
+/// Reads a regular file, whose length is taken of `budget` first; anything else (a folder, a pipe that would block) is an
+/// error.
+pub(super) fn read_file(path: &Path, budget: &mut Budget) -> Result<Vec<u8>, Fault> {
+    budget.take(path.metadata().map_or(0, |file| file.len()))?;
     let refused = |error: std::io::Error| format!("can't be read: {error}");
     match read::regular(path, MAX_FILE_BYTES) {
         Err(error) if error.kind() == std::io::ErrorKind::InvalidInput => Err("is not a file".into()),

@@ -11,9 +11,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 use parhelion::renderer::{Frame, Layer};
-use parhelion::scene::{Instance, Material, Mesh, Scene};
+use parhelion::scene::{Instance, LoadOptions, Material, Mesh, Scene};
 use parhelion::vk::{Device, DeviceOptions};
 use serde_json::Value;
 
@@ -93,6 +93,35 @@ pub(crate) fn ray_query_device() -> Option<(Guard, Device)> {
 pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     require("shared", found.exists(), &format!("no ../shared/{path}")).then_some(found)
+}
+
+/// A file with these bytes, in folders made where they are not there.
+pub(crate) fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// A PNG whose rows have `width` texels.
+pub(crate) fn png(width: u32, texels: &[[u8; 4]]) -> Vec<u8> {
+    let height = texels.len() as u32 / width;
+    let image = image::RgbaImage::from_raw(width, height, texels.as_flattened().to_vec()).unwrap();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+/// A unit square, upright.
+pub(crate) const SQUARE: [Vec3; 4] =
+    [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.0, 0.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)];
+/// Its texture coordinates, v from the top.
+pub(crate) const UV: [Vec2; 4] =
+    [Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::new(0.0, 0.0)];
+
+/// Mends nothing.
+pub(crate) fn strict() -> LoadOptions {
+    LoadOptions { strict: true, ..LoadOptions::default() }
 }
 
 /// A parallelogram with corner `o` and edges `u`, `v`; its front is the side of u × v.

@@ -152,8 +152,7 @@ pub(super) fn fetch(files: &Files, uri: &str, budget: &RefCell<Budget>) -> Resul
     let decoded = String::from_utf8(percent_decoded(uri)?.into_owned())
         .map_err(|_| "its URI is not UTF-8".to_owned())?;
     let found = files.find(&decoded)?;
-    budget.borrow_mut().take(std::fs::metadata(&found.path).map_or(0, |file| file.len()))?;
-    let bytes = file::read_file(&found.path).map_err(|fault| match fault {
+    let bytes = file::read_file(&found.path, &mut budget.borrow_mut()).map_err(|fault| match fault {
         Fault::Broken(problem) => format!("`{}` {problem}", file::shortened(&decoded)).into(),
         short => short,
     })?;

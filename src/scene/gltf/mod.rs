@@ -81,7 +81,7 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
 /// # Errors
 /// [`SceneError`] names the file, the element and the defect.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let bytes = file::read_file(path).map_err(|fault| fault.of(path, "file"))?;
+    let bytes = file::read_file(path, &mut Budget::of_process()).map_err(|fault| fault.of(path, "file"))?;
     read(path, &bytes, options)
 }
 

@@ -293,12 +293,7 @@ impl Shop<'_> {
         if let Some(known) = self.library.files.get(path) {
             return Ok(Ok(known.clone()));
         }
-        let bytes = match file::read_file(path) {
-            Ok(bytes) => bytes,
-            Err(Fault::Broken(problem)) => return Ok(Err(problem)),
-            Err(short) => return Err(short.of(self.path, format!("line {line}"))),
-        };
-        match self.source.decoded(name, &bytes) {
+        match self.source.image(path, name) {
             Ok(image) => {
                 let image = Rc::new(image);
                 self.library.files.insert(path.to_owned(), image.clone());

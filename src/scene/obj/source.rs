@@ -50,8 +50,12 @@ impl<'a> Source<'a> {
         self.budget.borrow_mut().take(bytes)
     }
 
-    pub(super) fn decoded(&self, name: &str, bytes: &[u8]) -> Result<Image, Fault> {
-        file::decode_image(name, bytes, &mut self.budget.borrow_mut())
+    /// A picture of the file at `path`, which the scene calls `name`.
+    pub(super) fn image(&self, path: &Path, name: &str) -> Result<Image, Fault> {
+        let budget = &mut *self.budget.borrow_mut();
+        // The encoded bytes go again.
+        let bytes = file::read_file(path, &mut budget.clone())?;
+        file::decode_image(name, &bytes, budget)
     }
 
     pub(super) fn short(&self, shortage: Shortage) -> SceneError {
@@ -60,11 +64,14 @@ impl<'a> Source<'a> {
 
     /// The text of the scene's file or of one beside it; none where that can't be read, of which the inner `Err` says why.
     pub(super) fn text(&self, path: &Path) -> Result<Result<String, String>, SceneError> {
-        let length = std::fs::metadata(path).map_or(0, |file| file.len());
-        // Its bytes, and its text where they are not that already.
-        self.take(2 * length).map_err(|shortage| SceneError::short(path, "file", shortage))?;
-        match file::read_file(path) {
-            Ok(bytes) => Ok(text::decoded(bytes)),
+        let budget = &mut *self.budget.borrow_mut();
+        let read = file::read_file(path, budget).and_then(|bytes| {
+            // Text that is not what its bytes are already.
+            budget.take(bytes.len() as u64)?;
+            Ok(text::decoded(bytes)?)
+        });
+        match read {
+            Ok(text) => Ok(Ok(text)),
             Err(Fault::Broken(problem)) => Ok(Err(problem)),
             Err(short) => Err(short.of(path, "file")),
         }
