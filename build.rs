@@ -15,7 +15,7 @@ mod vk {
 
 use kernel::{Access, BindingKind};
 use reflect::{Reflection, SpecConstant, Structure};
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -60,10 +60,6 @@ fn main() {
     walk(&root, &mut sources);
     sources.sort();
 
-    let mut hasher = DefaultHasher::new();
-    for path in &sources {
-        (relative(&root, path), fs::read(path).expect("glsl/ can be read")).hash(&mut hasher);
-    }
     let mut counters = Vec::new();
     let mut read = Vec::new();
     for path in sources.iter().filter(|path| path.extension().is_some_and(|e| e == "comp")) {
@@ -71,7 +67,7 @@ fn main() {
         read.push(read_kernel(&root, path, name, &mut counters));
     }
     let built: Result<BTreeMap<String, Kernel>, String> =
-        read.into_iter().collect::<Result<Vec<_>, _>>().and_then(|read| optimized(&root, &hasher, read));
+        read.into_iter().collect::<Result<Vec<_>, _>>().and_then(|read| optimized(&root, read));
     let kernels = built.unwrap_or_else(|errors| {
         errors.lines().for_each(|line| println!("cargo::error={line}"));
         std::process::exit(1);
@@ -103,10 +99,12 @@ fn relative(root: &Path, path: &Path) -> String {
 }
 
 /// What an unoptimised build includes.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 struct Includes {
     traces: bool,
     counts: bool,
+    /// Of every text that went in.
+    hasher: DefaultHasher,
 }
 
 /// A kernel without code.
@@ -117,6 +115,7 @@ struct ReadKernel {
     traces: bool,
     /// The cell it counts its rays in.
     counter: String,
+    sources: DefaultHasher,
 }
 
 /// `counters` are the kernels before it that count their rays.
@@ -135,15 +134,11 @@ fn read_kernel(
     if includes.counts && !test {
         counters.push(name.clone());
     }
-    Ok(ReadKernel { name, path: path.to_owned(), reflection, traces: includes.traces, counter })
+    Ok(ReadKernel { name, path: path.to_owned(), reflection, traces: includes.traces, counter, sources: includes.hasher })
 }
 
 /// Compiles all variants of all kernels, which takes minutes, on all cores.
-fn optimized(
-    root: &Path,
-    sources: &DefaultHasher,
-    read: Vec<ReadKernel>,
-) -> Result<BTreeMap<String, Kernel>, String> {
+fn optimized(root: &Path, read: Vec<ReadKernel>) -> Result<BTreeMap<String, Kernel>, String> {
     let variants =
         |kernel: &ReadKernel| if kernel.traces { vec![SOFTWARE, RAY_QUERY] } else { vec![SOFTWARE] };
     let jobs: Vec<_> = read
@@ -159,7 +154,7 @@ fn optimized(
                 let level = shaderc::OptimizationLevel::Performance;
                 compile(root, &kernel.path, &defines, level).map(|(words, _)| words)
             };
-            let mut key = sources.clone();
+            let mut key = kernel.sources.clone();
             (&kernel.name, defines).hash(&mut key);
             done.push(((kernel.name.clone(), backend), kept(key.finish(), compiled)));
         }
@@ -204,8 +199,9 @@ fn compile(
     defines: &[(&str, &str)],
     level: shaderc::OptimizationLevel,
 ) -> Result<(Vec<u32>, Includes), String> {
-    let includes = Cell::new(Includes::default());
+    let includes = RefCell::new(Includes::default());
     let source = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    source.hash(&mut includes.borrow_mut().hasher);
     let mut options = shaderc::CompileOptions::new().expect("shaderc starts");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(level);
@@ -214,11 +210,12 @@ fn compile(
         options.add_macro_definition(name, Some(value));
     }
     options.set_include_callback(|name, _, _, _| {
-        let Includes { traces, counts } = includes.get();
-        let (traces, counts) = (traces || name == TRACE_INTERFACE, counts || name == COUNTER_INTERFACE);
-        includes.set(Includes { traces, counts });
         let path = root.join(name);
         let content = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let mut includes = includes.borrow_mut();
+        includes.traces |= name == TRACE_INTERFACE;
+        includes.counts |= name == COUNTER_INTERFACE;
+        (name, &content).hash(&mut includes.hasher);
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
     let name = path.display().to_string();
@@ -226,7 +223,7 @@ fn compile(
         .expect("shaderc starts")
         .compile_into_spirv(&source, shaderc::ShaderKind::Compute, &name, "main", Some(&options))
         .map_err(|error| error.to_string())?;
-    Ok((artifact.as_binary().to_vec(), includes.get()))
+    Ok((artifact.as_binary().to_vec(), includes.borrow().clone()))
 }
 
 fn generate(
