@@ -134,7 +134,14 @@ fn read_kernel(
     if includes.counts && !test {
         counters.push(name.clone());
     }
-    Ok(ReadKernel { name, path: path.to_owned(), reflection, traces: includes.traces, counter, sources: includes.hasher })
+    Ok(ReadKernel {
+        name,
+        path: path.to_owned(),
+        reflection,
+        traces: includes.traces,
+        counter,
+        sources: includes.hasher,
+    })
 }
 
 /// Compiles all variants of all kernels, which takes minutes, on all cores.
