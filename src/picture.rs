@@ -189,6 +189,7 @@ fn sampling(config: &RenderConfig) -> String {
         "energy_conserving": config.energy_conserving,
         "shadow_terminator": config.shadow_terminator,
         "panes": config.panes,
+        "light_choice": config.light_choice,
     })
     .to_string()
 }

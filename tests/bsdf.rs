@@ -6,7 +6,7 @@ mod common;
 use bytemuck::Zeroable;
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use parhelion::accel::Geometry;
-use parhelion::config::RenderConfig;
+use parhelion::config::{LightChoice, RenderConfig};
 use parhelion::graph::{Executor, Graph, Grid, RunOptions};
 use parhelion::renderer::{BackendChoice, Renderer, RendererOptions};
 use parhelion::sampling::{hash, sample_cosine_hemisphere};
@@ -834,23 +834,29 @@ fn sample_models_have_bent_normals() {
 // ---- lights ----
 
 fn light_answers(renderer: &mut Renderer, from: Vec3, count: u32) -> Vec<LightAnswer> {
-    answers_by(renderer, from, count, false)
+    answers_by(renderer, from, count, 0, LightChoice::Power)
 }
 
-/// From all lights, or from what is chosen beside lobes.
-fn answers_by(renderer: &mut Renderer, from: Vec3, count: u32, beside_lobes: bool) -> Vec<LightAnswer> {
+/// From all lights, or, with a `set` of 2, from what is chosen beside lobes.
+fn answers_by(
+    renderer: &mut Renderer,
+    from: Vec3,
+    count: u32,
+    set: u32,
+    light_choice: LightChoice,
+) -> Vec<LightAnswer> {
     let numbers: Vec<[f32; 3]> = (0..count).map(|i| [random(i, 3), random(i, 4), random(i, 5)]).collect();
     let mut g = Graph::new();
     let n = g.buffer("numbers", u64::from(count) * 12);
     g.upload("numbers", n, bytemuck::cast_slice(&numbers).to_vec());
     let answers = g.buffer("answers", u64::from(count) * size_of::<LightAnswer>() as u64);
-    let params = lights::Params { from: from.to_array(), count, beside_lobes: beside_lobes.into() };
+    let params = lights::Params { from: from.to_array(), count, normal: [0.0; 3], set };
     let bind = lights::Bind { numbers: n, answers };
     let kernel = lights::kernel(&SceneSpec::default());
     g.pass("lights", &kernel, bind, params, Grid::Of([count, 1, 1]));
     let ticket = g.read_buffer::<LightAnswer>(answers);
     let camera = renderer.scene().frame_camera();
-    renderer.run(g, &RenderConfig::default(), &camera).unwrap().take(ticket)
+    renderer.run(g, &RenderConfig { light_choice, ..RenderConfig::default() }, &camera).unwrap().take(ticket)
 }
 
 fn lamp(radiance: Vec3) -> Material {
@@ -1040,7 +1046,9 @@ fn environments_are_sampled_by_luminance() {
         }
         let mut counts = vec![0.0; expected.len()];
         let mut elsewhere = 0;
-        for a in answers_by(&mut renderer, Vec3::ZERO, N, beside_lobes) {
+        for a in
+            answers_by(&mut renderer, Vec3::ZERO, N, if beside_lobes { 2 } else { 0 }, LightChoice::Power)
+        {
             assert_eq!(a.flags, 1, "{a:?}");
             let d = Vec3::from(a.direction);
             assert!((d.length() - 1.0).abs() < 1e-5);
@@ -1068,7 +1076,7 @@ fn a_constant_environment_is_left_to_lobes() {
         let all = light_answers(&mut renderer, Vec3::ZERO, 1 << 12);
         assert_eq!(found(&all), all.len());
         assert!(all.iter().any(|a| a.ray_distance.is_infinite() && a.ray_pdf > 0.0));
-        let beside = answers_by(&mut renderer, Vec3::ZERO, 1 << 12, true);
+        let beside = answers_by(&mut renderer, Vec3::ZERO, 1 << 12, 2, LightChoice::Power);
         assert_eq!(found(&beside), if shines { beside.len() } else { 0 });
         let off = beside.iter().filter(|a| (a.pdf / a.ray_pdf - 1.0).abs() > 1e-3).count();
         assert!(!shines || off < 10, "{off} rays find another density than their sample's");
@@ -1141,23 +1149,27 @@ fn the_mean_of_light_samples_is_irradiance() {
     const N: u32 = 1 << 16;
     for (name, scene, expected) in cases {
         let mut renderer = renderer(&device, scene);
-        let answers = light_answers(&mut renderer, Vec3::ZERO, N);
-        // Nothing is between: shadowing by the sphere itself is not asked for.
-        let front = |a: &LightAnswer| f64::from(a.radiance_over_pdf[0]) * f64::from(a.direction[1].max(0.0));
-        let seen = |a: &&LightAnswer| a.flags & 1 == 1;
-        let sum: f64 = answers.iter().filter(seen).map(front).sum();
-        let squares: f64 = answers.iter().filter(seen).map(|a| front(a).powi(2)).sum();
-        let mean = sum / f64::from(N);
-        let error = ((squares / f64::from(N) - mean * mean).max(0.0) / f64::from(N)).sqrt();
-        let tolerance = 4.5 * error
-            + 1e-4 * expected
-            + if name == "sphere" || name == "all" { 0.01 * e_sphere } else { 0.0 };
-        assert!((mean - expected).abs() < tolerance, "{name}: {mean} ± {error} for {expected}");
-        // Nearer facets may lie in the way of a sample; at the outline the offset of its end tells.
-        let other =
-            |a: &&LightAnswer| (a.pdf / a.ray_pdf - 1.0).abs() > 2e-3 && a.ray_distance >= 0.999 * a.distance;
-        let others = answers.iter().filter(|a| a.flags & 3 == 1).filter(other).count();
-        assert!(others < 66, "{name}: {others} rays find another density than their sample's");
+        for (choice, most) in [(LightChoice::Power, 66), (LightChoice::Tree, 200)] {
+            let answers = answers_by(&mut renderer, Vec3::ZERO, N, 0, choice);
+            // Nothing is between: shadowing by the sphere itself is not asked for.
+            let front =
+                |a: &LightAnswer| f64::from(a.radiance_over_pdf[0]) * f64::from(a.direction[1].max(0.0));
+            let seen = |a: &&LightAnswer| a.flags & 1 == 1;
+            let sum: f64 = answers.iter().filter(seen).map(front).sum();
+            let squares: f64 = answers.iter().filter(seen).map(|a| front(a).powi(2)).sum();
+            let mean = sum / f64::from(N);
+            let error = ((squares / f64::from(N) - mean * mean).max(0.0) / f64::from(N)).sqrt();
+            let tolerance = 4.5 * error
+                + 1e-4 * expected
+                + if name == "sphere" || name == "all" { 0.01 * e_sphere } else { 0.0 };
+            assert!((mean - expected).abs() < tolerance, "{name}: {mean} ± {error} for {expected}");
+            // Nearer facets may lie in the way of a sample; at the outline the offset of its end tells.
+            let other = |a: &&LightAnswer| {
+                (a.pdf / a.ray_pdf - 1.0).abs() > 2e-3 && a.ray_distance >= 0.999 * a.distance
+            };
+            let others = answers.iter().filter(|a| a.flags & 3 == 1).filter(other).count();
+            assert!(others < most, "{name}: {others} rays find another density than their sample's");
+        }
     }
 }
 

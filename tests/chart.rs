@@ -108,6 +108,33 @@ fn points(data: &Value) -> &[Value] {
     data["points"].as_array().unwrap()
 }
 
+/// Checks what is stated over seeds against the mean picture and what is told of each seed.
+fn check_over_seeds(folder: &Folder, data: &Value, truth: &[f32]) {
+    let noise = number(&data["reference"]["noise"]);
+    for point in points(data) {
+        let stated = |key: &str| number(&point["over_seeds"][key]);
+        let metric = |key: &str, of: &str| number(&point["metrics"][key][of]);
+        assert_eq!(stated("rel_mse"), metric("rel_mse", "median"), "{point}");
+        assert_eq!(stated("rel_mse_worst"), metric("rel_mse", "max"), "{point}");
+        assert_eq!(stated("rel_mse_blocks"), metric("rel_mse_blocks", "median"), "{point}");
+        let file = folder.path(&format!("report/means/{}.exr", point["id"].as_str().unwrap()));
+        let mean = pixels(&read_exr(&file).unwrap());
+        let of_mean = metrics::rel_mse(&mean, truth);
+        let error = metrics::without_noise(of_mean, noise);
+        assert!((stated("rel_mse_of_mean") / error - 1.0).abs() < 1e-3, "{point}");
+        assert!((stated("bias") - metrics::signed_bias(&mean, truth)).abs() < 1e-4, "{point}");
+        assert!(stated("systematic") < of_mean && stated("bias_se") >= 0.0, "{point}");
+        // Of two seeds both are known.
+        let [low, high] = ["min", "max"].map(|end| metric("signed_bias", end));
+        assert!((stated("bias_se") - 0.5 * (high - low)).abs() < 1e-9, "{point}");
+        let average = 0.5 * (metric("rel_mse", "min") + metric("rel_mse", "max"));
+        if average > 10.0 * noise {
+            let systematic = 2.0 * (of_mean - noise) - average;
+            assert!((stated("systematic") - systematic).abs() < 1e-4 * average, "{point}");
+        }
+    }
+}
+
 fn pixels(picture: &ReadPicture) -> Vec<f32> {
     picture.interleaved(&["R", "G", "B"]).unwrap()
 }
@@ -165,6 +192,9 @@ fn a_chart_holds_every_setting_measured_against_its_reference() {
         assert!(ends.iter().any(|end| (end - bias).abs() < 1e-6), "{label}: {bias} of {ends:?}");
     }
 
+    check_over_seeds(&folder, &data, &truth);
+    assert!((0.0..0.1).contains(&number(&data["reference"]["bias_se"])));
+
     // The front is what is ranked and no point beats, and only its linear pictures are kept.
     let pair =
         |point: &Value| (number(&point["ms"]["median"]), number(&point["metrics"]["rel_mse"]["median"]));
@@ -189,6 +219,14 @@ fn a_chart_holds_every_setting_measured_against_its_reference() {
         assert_eq!(line[column("front")] == "true", point["exr"].is_string());
         let ms: f64 = line[column("ms")].parse().unwrap();
         assert!((ms / number(&point["ms"]["median"]) - 1.0).abs() < 1e-9);
+        let stated = |key: &str| number(&point["over_seeds"][key]);
+        for (name, expected) in [("mean_bias", "bias"), ("mean_bias_se", "bias_se")]
+            .into_iter()
+            .chain(["rel_mse_of_mean", "systematic", "rel_mse_blocks"].map(|name| (name, name)))
+        {
+            let cell: f64 = line[column(name)].parse().unwrap();
+            assert!((cell - stated(expected)).abs() < 1e-9, "{name}");
+        }
     }
     let page = folder.text("report/index.html");
     assert_eq!(page.matches("data:image/jpeg;base64,").count(), 2 * 6 + 1);
@@ -219,6 +257,13 @@ fn errors_follow_what_methods_are() {
     let ratio = median("path spp=1", "rel_mse_trimmed") / median("path spp=4", "rel_mse_trimmed");
     assert!((2.5..6.0).contains(&ratio), "{ratio}");
     assert!(median("path spp=4", "signed_bias").abs() < 0.05);
+    // Noise of paths is no systematic error; what one bounce does not reach is little else.
+    let share = |label: &str| {
+        let point = points(&data).iter().find(|point| point["label"] == label).unwrap();
+        number(&point["over_seeds"]["systematic"]) / number(&point["over_seeds"]["rel_mse"])
+    };
+    let [paths, dark] = ["path spp=4", "igi fast bounces=1 vpls=36"].map(share);
+    assert!(paths.abs() < 0.1 && dark > 0.5, "{paths} {dark}");
     let [one, six] = [1, 6].map(|b| median(&format!("igi fast bounces={b} vpls=36"), "signed_bias"));
     assert!(one < -0.1 && one < six - 0.05, "{one} {six}");
 }
@@ -243,7 +288,9 @@ fn a_sweep_goes_on_where_it_was_cut_short() {
     let whole = kept.rfind('\n').unwrap() + 1;
     assert!(longer.starts_with(&kept[..whole]));
     assert_eq!(folder.json("report/data.json")["complete"], true);
-    assert!(points(&folder.json("report/data.json")).iter().all(|point| point["seeds"] == 2));
+    let data = folder.json("report/data.json");
+    assert!(points(&data).iter().all(|point| point["seeds"] == 2));
+    check_over_seeds(&folder, &data, &reference);
 
     // Nothing is left to do, with fewer settings as well.
     let data = folder.text("report/data.json");

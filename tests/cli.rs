@@ -803,7 +803,7 @@ fn options_win_over_assignments_and_these_over_the_file() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let settings: RenderConfig = serde_json::from_value(folder.json("s.json")["settings"].clone()).unwrap();
     let mut expected = RenderConfig { size: [8, 8], seed: 1, ..RenderConfig::default() };
-    (expected.vpl_shoot.vpls, expected.vpl_shoot.bounces) = (50, 2);
+    (expected.vpl_shoot.vpls, expected.vpl_shoot.bounces) = (50, Some(2));
     assert_eq!(settings, expected);
 }
 

@@ -1,7 +1,7 @@
 //! `parhelion compare`, as a user meets it. No device is needed.
 
 use parhelion::metrics;
-use parhelion::output::{Channels, Picture, write_exr};
+use parhelion::output::{Attribute, Channels, Picture, write_exr};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -61,12 +61,63 @@ fn every_measure_is_the_librarys() {
     assert!(reader.info().uncompressed_latin1_text.iter().any(|t| t.text.contains("HDR-FLIP")));
 
     let text = stdout(&compare(folder.path(), &["a.exr", "b.exr", "-o", "error.png"]));
-    for word in ["relMSE", "trimmed", "MAPE", "SMAPE", "+10.000 %", "PSNR", "SSIM", "HDR-FLIP", "error.png"] {
+    for word in
+        ["relMSE", "trimmed", "blocks", "MAPE", "SMAPE", "+10.000 %", "PSNR", "SSIM", "HDR-FLIP", "error.png"]
+    {
         assert!(text.contains(word), "{word}: {text}");
     }
     let same = json(&compare(folder.path(), &["b.exr", "b.exr", "--json"]));
     assert_eq!((&same["errors"]["rel_mse"], &same["errors"]["flip"]), (&0.0.into(), &0.0.into()));
     assert_eq!((&same["errors"]["ssim"], &same["errors"]["psnr"]), (&1.0.into(), &Value::Null));
+}
+
+#[test]
+fn pictures_of_several_seeds_are_stated_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let truth = write(&file("ref.exr"), SIZE, 1.0, |_| {});
+    let pictures = [0.7_f32, 0.9, 0.8].map(|gain| {
+        let name = format!("{gain}.exr");
+        (write(&file(&name), SIZE, gain, |_| {}), name)
+    });
+    let names: Vec<&str> = pictures.iter().map(|(_, name)| name.as_str()).collect();
+    let args = [&names[..], &["ref.exr"]].concat();
+    let report = json(&compare(folder.path(), &[&args[..], &["--json", "-o", "error.png"]].concat()));
+    assert_eq!(report["images"], serde_json::json!(names));
+    let mut seeds = metrics::Seeds::new(&truth, SIZE[0] as usize, 3);
+    pictures.iter().for_each(|(image, _)| seeds.add(image));
+    let errors = seeds.errors(&metrics::ReferenceNoise::default()).unwrap();
+    assert_eq!(report["over_seeds"], serde_json::to_value(errors).unwrap());
+    assert_eq!(report["reference_noise"], Value::Null);
+    assert!((errors.bias + 0.2).abs() < 1e-6 && errors.rel_mse_worst > 2.0 * errors.rel_mse);
+    // The third is the mean of all, and so is its error's picture.
+    assert_eq!(std::fs::read(file("error.png")).unwrap(), {
+        compare(folder.path(), &["0.8.exr", "ref.exr", "-o", "mean.png"]);
+        std::fs::read(file("mean.png")).unwrap()
+    });
+    let text = stdout(&compare(folder.path(), &args));
+    assert!(text.starts_with("3 seeds: relMSE 0.0") && text.lines().count() == 1, "{text}");
+    for word in ["worst 0.0", "bias -20.000 % ± 5.774 %", "systematic 0.0", "blocks 0.0"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+
+    // A reference that holds its halves tells its own noise.
+    let half = |sign: f32| truth.iter().enumerate().map(move |(i, r)| r + sign * [0.1, -0.1][i / 3 % 2]);
+    let halves = [1.0, -1.0].map(|sign| half(sign).collect::<Vec<f32>>());
+    let names = ["", "half_a.", "half_b."].map(|half| ["R", "G", "B"].map(|c| format!("{half}{c}")).to_vec());
+    let data = [&truth, &halves[0], &halves[1]];
+    let channels = names.into_iter().zip(data).map(|(names, data)| Channels { names, data }).collect();
+    let attributes = vec![("parhelion:reference", Attribute::Text("paths".into()))];
+    let picture = Picture { size: SIZE, window: [0, 0, SIZE[0], SIZE[1]], channels, attributes };
+    write_exr(&file("ref.exr"), &picture).unwrap();
+    let noise = metrics::ReferenceNoise::of(&halves[0], &truth, SIZE[0] as usize, 3);
+    let report = json(&compare(folder.path(), &[&args[..], &["--json"]].concat()));
+    let errors = seeds.errors(&noise).unwrap();
+    assert_eq!(report["over_seeds"], serde_json::to_value(errors).unwrap());
+    assert_eq!(report["reference_noise"], serde_json::to_value(noise).unwrap());
+    assert!(
+        noise.rel_mse > 0.0 && stdout(&compare(folder.path(), &args)).contains("the reference's own noise")
+    );
 }
 
 #[test]
@@ -96,6 +147,10 @@ fn exact_comparison_sees_one_bit() {
     assert_eq!(output.status.code(), Some(1));
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(error, "error: a.exr: channel G differs from other.exr in 1 pixels\n");
+    // Of several each is asked.
+    let output = compare(folder.path(), &["--exact", "a.exr", "other.exr", "same.exr"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("other.exr: channel G differs from same.exr"));
 }
 
 #[test]
@@ -130,6 +185,9 @@ fn what_cannot_be_compared_is_refused_by_file_thing_and_place() {
             &["good.exr", "good.exr", "--layer", "albedo"],
             &["--layer", "no layer albedo", "there are B, G, R, Z"],
         ),
+        (&["good.exr", "wide.exr", "good.exr"], &["wide.exr: 21x16", "good.exr has 20x16"]),
+        (&["good.exr", "nan.exr", "good.exr"], &["nan.exr: channel G is NaN at pixel 7,5"]),
+        (&["good.exr", "grey.exr", "good.exr"], &["grey.exr: no channel R, which good.exr has"]),
         (&["text.exr", "good.exr"], &["text.exr"]),
         (&["good.exr", "gone.exr"], &["gone.exr"]),
         (&["good.exr", "good.exr", "-o", "e.jpg"], &["e.jpg", ".png"]),

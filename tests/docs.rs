@@ -8,6 +8,7 @@ use parhelion::chart::data::{Chart, Failure, MetricInfo, PassTime, Point, Refere
 use parhelion::chart::svg;
 use parhelion::docs::WIDEST;
 use parhelion::methods::REGISTRY;
+use parhelion::metrics::SeedErrors;
 use parhelion::stress::data::{self as stress, Row, Stress, Verdict};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,6 +42,7 @@ fn point(id: &str, label: &str, settings: Value, ms: f64, rel_mse: f64) -> Point
             ("signed_bias".into(), spread(-0.0625, 0.0)),
             ("flip".into(), spread(0.25, 0.125)),
         ]),
+        over_seeds: None,
         ranked: true,
         general_ms: None,
         image: format!("pictures/{id}.jpg"),
@@ -64,9 +66,18 @@ fn chart(scene: &str) -> Chart {
         about: "About it.".into(),
         signed,
     };
+    let over_seeds = SeedErrors {
+        rel_mse: 0.125,
+        rel_mse_worst: 0.25,
+        bias: -0.125,
+        bias_se: Some(0.003),
+        rel_mse_of_mean: Some(0.03125),
+        systematic: Some(0.015_625),
+        rel_mse_blocks: 0.0625,
+    };
     let points = vec![
         point("igi", "igi", json!({ "method": "igi", "path_trace.max_depth": depth }), 20.0, 0.0625),
-        point("fast", "igi fast", fast, 4.0, 0.125),
+        Point { over_seeds: Some(over_seeds), ..point("fast", "igi fast", fast, 4.0, 0.125) },
         point("many", HOSTILE, json!({ "method": "igi", "vpl_shoot.vpls": 720 }), 80.0, 0.5),
         Point { ranked: false, ..point("path", "path spp=64", path(64), 1234.5, 0.0001) },
     ];
@@ -85,6 +96,7 @@ fn chart(scene: &str) -> Chart {
             about: "path tracing".into(),
             spp: Some(99),
             noise: Some(0.000_75),
+            bias_se: Some(0.000_25),
             image: "pictures/reference.jpg".into(),
         },
         metrics: vec![
@@ -233,6 +245,10 @@ fn the_page_says_what_was_measured() {
     assert_eq!(cells(igi, "MiB on the device")[1], "3.00");
     assert_eq!(cells(igi, "relMSE")[1], "0.0625");
     assert_eq!(cells(igi, "bias")[1], "-6.2 %");
+    assert_eq!(cells(igi, "systematic")[1], "–");
+    let fast = section(&page, "### fast");
+    assert_eq!(cells(fast, "bias")[1], "-12.50 ± 0.30 %");
+    assert_eq!(cells(fast, "systematic")[1], "0.0156");
     assert_eq!(cells(igi, "HDR-FLIP")[1], "0.250 (0.125 to 0.375)");
     assert!(cells(section(&page, "## path"), "relMSE")[1].contains("about 0.000750, not ranked"));
     assert_eq!(cells(section(&page, "## path"), "**ms a frame**")[1], "**1234 (1234 to 1235)**");
@@ -269,10 +285,10 @@ fn the_page_says_what_was_measured() {
     // Charts are whole, whatever names say.
     let office = section(&page, "## The chart of Office");
     for label in ["igi", "igi fast", "path spp=64"] {
-        assert_eq!(cells(office, label).len(), 7, "{label}");
+        assert_eq!(cells(office, label).len(), 8, "{label}");
     }
-    assert_eq!(cells(office, "igi fast")[6], "front");
-    assert_eq!(cells(office, "path spp=64")[6], "not ranked");
+    assert_eq!(cells(office, "igi fast")[7], "front");
+    assert_eq!(cells(office, "path spp=64")[7], "not ranked");
     assert!(office.contains("Failed: igi boxes: no memory"));
     assert!(
         !page.contains("<script>")

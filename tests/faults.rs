@@ -14,7 +14,7 @@ mod common;
 
 use common::quad;
 use glam::{Affine3A, DVec3, Vec3};
-use parhelion::config::RenderConfig;
+use parhelion::config::{LightChoice, RenderConfig};
 use parhelion::graph::{Graph, Grid, ParamValue, RuntimeKernel};
 use parhelion::renderer::{BackendChoice, Renderer, RendererOptions};
 use parhelion::scene::{Camera, Clearcoat, Environment, Instance, Light, LightKind, Material, Scene};
@@ -32,7 +32,7 @@ layout(local_size_x = 64) in;
 layout(push_constant) uniform Params { uint count; uint replicates; uint samples; uint seed; uint fault; } params;
 bool planted(uint fault) { return params.fault == fault; }
 #include "lib/bsdf.glsl"
-#include "lib/lights.glsl"
+#include "lib/light_sampler.glsl"
 #include "trace/trace.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Queries { vec4 data[]; } queries; // direction to the viewer, primitive
@@ -46,6 +46,8 @@ vec3 off(Surface s, vec3 direction) {
     vec3 n = s.geometric_normal;
     return offset_origin(s.position, dot(n, direction) < 0.0 ? -n : n);
 }
+
+bool through(Surface s) { return s.material.transmission > 0.0; }
 
 // f·|cosθ| L over the density of light sampling, weighted if `both`.
 vec3 asked(Surface s, bool front, vec3 wo, LightSample light, bool both) {
@@ -62,13 +64,13 @@ vec3 found(Surface s, bool front, vec3 wo, vec3 u, bool both) {
     vec3 from = off(s, b.direction);
     Hit hit;
     if (!trace_closest(from, b.direction, 0.0, 1.0 / 0.0, hit)) {
-        return b.weight * environment_radiance(b.direction) * (both ? weight(b.pdf, environment_pdf(b.direction)) : 1.0);
+        return b.weight * environment_radiance(b.direction) * (both ? weight(b.pdf, environment_pdf(all_lights(), b.direction)) : 1.0);
     }
     Surface lamp = surface_at(hit);
     bool lit = face(lamp, -b.direction);
     vec3 emitted = emitted_radiance(lamp.material, lit);
     if (emitted == vec3(0.0)) return emitted;
-    float pdf = light_pdf(hit, lamp, lit, -b.direction, distance(from, lamp.position));
+    float pdf = light_pdf(all_lights(), receiver_at(s), through(s), from, hit, lamp, lit, -b.direction, distance(from, lamp.position));
     return b.weight * emitted * (both ? weight(b.pdf, pdf) : 1.0);
 }
 
@@ -94,10 +96,9 @@ void main() {
             if (way == 2u || way == 4u) {
                 reflected = found(s, front, wo, u, both);
             } else {
-                bool lit;
-                if (way == 1u) lit = sample_area_light(table_of_area_lights(), from, u.zxy, light);
-                else lit = sample_light(from, u.zxy, light);
-                if (lit) reflected = asked(s, front, wo, light, both);
+                LightSource lights = all_lights();
+                if (way == 1u) lights = sampled_lights();
+                if (sample_light(lights, receiver_at(s), through(s), from, u.zxy, light)) reflected = asked(s, front, wo, light, both);
             }
             sum[min(way, 3u)] += value(reflected);
         }
@@ -122,6 +123,7 @@ const fn fault(what: &'static str, file: &'static str, place: &'static str, wron
 }
 
 const LIGHTS: &str = "lib/lights.glsl";
+const SAMPLER: &str = "lib/light_sampler.glsl";
 const BSDF: &str = "lib/bsdf.glsl";
 const SURFACE: &str = "lib/surface.glsl";
 
@@ -134,11 +136,20 @@ const SKY_THERE: &str = "if («lights.rows == 0UL») return 0.0;";
 const SKY_FOUND: &str = "return «s.radiance_over_pdf != vec3(0.0)»;";
 const SKY_HEIGHT: &str = "float k = «2.0 * sine * sine + v * height»;";
 const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «distance2 / cosine»;";
-const LAMP_POWER: &str =
-    "return false;\n    return sample_emitter(from, u.yz, choice, «lights.inverse_power», s);";
+const LAMP_POWER: &str = "return sample_emitter(from, u.yz, chosen.choice, «lights.table.inverse_power», s);";
 const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0»;";
 const LAMP_WEIGHT: &str = "radiance / pdf, «pdf», false);";
 const LAMP_POINT: &str = "float root = «sqrt(u.x)»;";
+const TREE_DOWN: &str = "probability *= «left ? p : 1.0 - p»;\n        node = first;";
+const TREE_UP: &str = "probability *= «!lit ? 0.0 : left ? p : 1.0 - p»;";
+const TREE_BESIDE: &str = "chosen.choice.probability = «probability * lights.tree_probability»;";
+const TREE_BESIDE_WEIGHT: &str =
+    "float probability = «lights.tree_probability * probability_of(lights.root, leaf, x, through)»;";
+const TREE_BESIDE_SKY: &str = "chosen.choice.probability *= «rest»;";
+const FACET_WEIGHT: &str =
+    "probability * «facet_pdf(facet(instance, hit.primitive, from), distance * distance, cosine)» : 0.0;";
+const FACET_DENSITY: &str = "if (f.solid_angle > 0.0) return «1.0 / f.solid_angle»;";
+const FACET_POINT: &str = "float half_angle = «0.5 * f.solid_angle * u.x»;";
 const LAMBERTIAN: &str =
     "f += («beneath * diffuse_factor(s, l, split, wi, front) * cos_d» / PI) * l.diffuse;";
 const LAMBERTIAN_DENSITY: &str = "pdf += «l.p_diffuse * cos_d / PI»;";
@@ -183,7 +194,7 @@ const FAULTS: &[Fault] = &[
     fault("rows of the sky not uniform", LIGHTS, SKY_HEIGHT, "2.0 * sine * sine + v * v * height"),
     fault("lamp's density without distance²", LIGHTS, LAMP_SAMPLE, "1.0 / cosine"),
     fault("lamp's density without cosine", LIGHTS, LAMP_SAMPLE, "distance2"),
-    fault("lamp's choice by the wrong power", LIGHTS, LAMP_POWER, "scene.inverse_power"),
+    fault("lamp's choice by the wrong power", SAMPLER, LAMP_POWER, "scene.inverse_power"),
     fault(
         "lamp's density in the weight without distance²",
         LIGHTS,
@@ -198,6 +209,24 @@ const FAULTS: &[Fault] = &[
     ),
     fault("lamp's weight by area", LIGHTS, LAMP_WEIGHT, "pdf * cosine / distance2"),
     fault("points of a lamp not uniform", LIGHTS, LAMP_POINT, "u.x"),
+    fault("probability of half of the lamps forgotten", SAMPLER, TREE_DOWN, "left ? p : 1.0"),
+    fault("the same in the weight alone", SAMPLER, TREE_UP, "!lit ? 0.0 : left ? p : 1.0"),
+    fault("probability of all lamps forgotten", SAMPLER, TREE_BESIDE, "probability"),
+    fault(
+        "the same in the weight alone",
+        SAMPLER,
+        TREE_BESIDE_WEIGHT,
+        "probability_of(lights.root, leaf, x, through)",
+    ),
+    fault("probability of the sky beside lamps forgotten", SAMPLER, TREE_BESIDE_SKY, "1.0"),
+    fault("solid angle times 1.1", SAMPLER, FACET_DENSITY, "1.0 / (1.1 * f.solid_angle)"),
+    fault(
+        "solid angle in the weight of another place",
+        SAMPLER,
+        FACET_WEIGHT,
+        "facet_pdf(facet(instance, hit.primitive, from + vec3(0.0, 0.4, 0.0)), distance * distance, cosine)",
+    ),
+    fault("directions to a lamp not uniform", SAMPLER, FACET_POINT, "0.5 * f.solid_angle * u.x * u.x"),
     fault("probability of the diffuse lobe forgotten", BSDF, LAMBERTIAN_DENSITY, "cos_d / PI"),
     fault("density of the coat forgotten", BSDF, COAT_DENSITY, "0.0"),
     fault("all light beneath a coat", BSDF, LAMBERTIAN, "diffuse_factor(s, l, split, wi, front) * cos_d"),
@@ -443,7 +472,7 @@ impl Lab {
     }
 
     /// All comparisons with this fault planted, counted from 1; 0 for none.
-    fn compare(&mut self, fault: u32, seed: u32) -> Vec<Comparison> {
+    fn compare(&mut self, fault: u32, seed: u32, light_choice: LightChoice) -> Vec<Comparison> {
         let materials = receivers();
         let of_viewer = |wo: &Vec3| {
             (0..materials.len()).map(|m| wo.extend(2.0 * m as f32).to_array()).collect::<Vec<_>>()
@@ -465,7 +494,8 @@ impl Lab {
         g.pass_named("faults", &self.kernel, &bind, &params, Grid::Of([threads, 1, 1])).unwrap();
         let ticket = g.read_buffer::<[f32; 4]>(answers);
         let camera = Camera::look_at("unused", Vec3::Y, Vec3::ZERO, 1.0);
-        let answers = self.renderer.run(g, &RenderConfig::default(), &camera).unwrap().take(ticket);
+        let config = RenderConfig { light_choice, ..RenderConfig::default() };
+        let answers = self.renderer.run(g, &config, &camera).unwrap().take(ticket);
         let mut comparisons = Vec::new();
         for (i, answers) in answers.chunks_exact(REPLICATES as usize).enumerate() {
             let of = |sampler: usize| answers.iter().map(|a| f64::from(a[sampler])).collect::<Vec<_>>();
@@ -506,17 +536,19 @@ fn worst(comparisons: &[Comparison]) -> &Comparison {
 fn light_holds_and_every_fault_is_seen() {
     let Some((_guard, device)) = common::device() else { return };
     let mut lab = Lab::new(&device);
-    for seed in 1..=4 {
-        let right = lab.compare(0, seed);
+    for (seed, choice) in (1..=4).flat_map(|seed| [(seed, LightChoice::Power), (seed, LightChoice::Tree)]) {
+        let right = lab.compare(0, seed, choice);
         let (worst, bound) = (worst(&right), bound(right.len()));
-        println!("as it is, seed {seed}: {:.1} σ of {bound:.1} ({})", worst.z, worst.what);
+        println!("as it is, {choice:?}, seed {seed}: {:.1} σ of {bound:.1} ({})", worst.z, worst.what);
         assert!(worst.z < bound, "{}: {:.2} σ", worst.what, worst.z);
         let sharp = right.iter().filter(|c| c.what.ends_with("both against quadrature"));
         assert!(sharp.clone().count() == 8 && sharp.clone().all(|c| 6.0 * c.error < 0.02));
     }
     let mut unseen = Vec::new();
     for (fault, number) in FAULTS.iter().zip(1..) {
-        let wrong = lab.compare(number, 1);
+        let by_tree = fault.file == SAMPLER && fault.place != LAMP_POWER;
+        let choice = if by_tree { LightChoice::Tree } else { LightChoice::Power };
+        let wrong = lab.compare(number, 1, choice);
         let (worst, bound) = (worst(&wrong), bound(wrong.len()));
         let seen = wrong.iter().filter(|c| c.z > bound).count();
         println!("{}: {:.1} σ ({}), {seen} of {} see it", fault.what, worst.z, worst.what, wrong.len());

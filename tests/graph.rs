@@ -437,6 +437,7 @@ fn what_cannot_run_says_why() {
         lights: all,
         vpls: all,
         choices: all,
+        nodes: all,
         words: all,
     };
     g.pass("layout", &layout::kernel(), bind, layout::Params {}, Grid::Of([1, 1, 1]));

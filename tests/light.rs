@@ -17,6 +17,7 @@ use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, Ren
 use parhelion::sampling::halton;
 use parhelion::scene::{self, Camera, Light, LightKind, LoadOptions, Material, Mesh, Scene, Volume, builtin};
 use parhelion::techniques::path_trace::{PixelFilter, Transport};
+use parhelion::techniques::radiance_cache::{self, Distances};
 use parhelion::techniques::{gbuffer::GBuffer, indirect, vpl_shoot, whitted};
 use parhelion::vk::{Backend, Device, Format};
 use std::f32::consts::PI;
@@ -121,7 +122,7 @@ fn config(width: u32, height: u32) -> RenderConfig {
 fn shooting(paths: u32, bounces: u32, min_distance: f32) -> RenderConfig {
     let mut config = config(64, 64);
     config.vpl_shoot.vpls = paths * bounces;
-    config.vpl_shoot.bounces = bounces;
+    config.vpl_shoot.bounces = Some(bounces);
     config.indirect.min_distance = Some(min_distance);
     config
 }
@@ -196,12 +197,20 @@ fn irradiance_at(
     // An albedo of π turns what direct light the surface reflects back into irradiance.
     let white = vec![Vec4::splat(PI); samples.hits.len()];
     g.upload_image("albedo", gb.albedo, bytemuck::cast_slice(&white).to_vec());
-    let paths = vpl_shoot::paths(&mut g, &kernels, &config.vpl_shoot);
-    let vpls = vpl_shoot::compact(&mut g, &config.vpl_shoot, &paths, 1);
+    let paths = vpl_shoot::paths(&mut g, &kernels, &config.vpl_shoot, 1);
+    let vpls = vpl_shoot::compact(&mut g, &kernels, &config.vpl_shoot, &paths, 1);
     let m = config.indirect.min_distance.unwrap();
     let samples = indirect::gather(&mut g, &kernels, &config.indirect, &gb, &vpls, m);
     let indirect =
         indirect::reconstruct(&mut g, &kernels, &config.indirect, &gb, None, &vpls, &samples).irradiance;
+    let indirect = match config.indirect.compensation {
+        0 => indirect,
+        rays => {
+            let distances = Distances { min_distance: m, edge: 0.1 * m };
+            let cache = radiance_cache::cache(&mut g, rays, &vpls, distances);
+            cache.gather(&mut g, &kernels, &gb, indirect).irradiance
+        }
+    };
     let direct = whitted::direct(&mut g, &kernels, &config.whitted, &gb);
     let (direct, indirect) = (g.read_image::<[f32; 4]>(direct), g.read_image::<[f32; 4]>(indirect));
     let mut run = renderer.run(g, config, camera).unwrap();
@@ -214,6 +223,25 @@ fn centre_camera() -> Camera {
 }
 
 // ---- closed forms ----
+
+/// By roulette light of every bounce is there: Φ ρ/(A (1 − ρ)), also where paths leave more VPLs than there is room for, as
+/// they do beyond ρ = 5/6, and where each part of them is asked for itself.
+#[test]
+fn roulette_loses_no_bounce() {
+    let Some((_guard, device)) = common::device() else { return };
+    for rho in [0.3, 0.6, 0.9, 0.95] {
+        let scene = scene(vec![sphere(4)], vec![gray(rho)], vec![point_light(Vec3::ZERO, Vec3::ONE)]);
+        let samples = area_samples(&scene, 16);
+        let mut renderer = software(&device, scene);
+        let mut config = shooting(16384, 3, 0.0);
+        config.size = [4, 4];
+        config.vpl_shoot.bounces = None;
+        let e = irradiance_at(&mut renderer, &config, &centre_camera(), &samples);
+        let rho = f64::from(rho);
+        let all = 4.0 * std::f64::consts::PI / samples.area * rho / (1.0 - rho);
+        assert_close(&format!("albedo {rho}"), mean(&e.indirect), all, 0.035);
+    }
+}
 
 /// A closed enclosure of albedo ρ lit with flux Φ: direct light averages Φ/A, and with k bounces all light
 /// Φ (1 − ρ^(k+1)) / (A (1 − ρ)). In a sphere G = 1/4R² for every pair, so nothing need be clamped, and
@@ -663,7 +691,7 @@ fn compensation_lights_the_corner_of_a_wall() {
     let mut renderer = software(&device, scene);
     let camera = Camera::look_at("above", Vec3::new(0.0, 1.6, 0.75), Vec3::new(0.0, 0.0, 0.7), 0.75);
     let mut config = config(32, 32);
-    (config.vpl_shoot.vpls, config.vpl_shoot.bounces) = (4096, 1);
+    (config.vpl_shoot.vpls, config.vpl_shoot.bounces) = (4096, Some(1));
     config.indirect.min_distance = Some(0.5);
     let aovs = [Aov::P, Aov::Irradiance];
     // Of each band of the floor, the light in that of the formula.
@@ -734,7 +762,7 @@ fn compensation_equals_path_tracing() {
     for (name, (scene, camera), bounces, lost, noise) in cases {
         let mut renderer = software(&device, scene);
         let mut config = config(24, 24);
-        config.vpl_shoot.bounces = bounces;
+        config.vpl_shoot.bounces = Some(bounces);
         config.vpl_shoot.vpls = 2048 * bounces;
         config.indirect.min_distance = Some(0.3);
         let mut path = RenderConfig { method: &path::METHOD, seed: 99, ..config.clone() };
@@ -749,7 +777,7 @@ fn compensation_equals_path_tracing() {
                 config.seed = seed;
                 let frame = picture(&mut renderer, &config, &camera, &[Aov::Indirect]);
                 light += mean(&frame.aovs[0].1.data) / 4.0;
-                let counted = frame.passes.iter().find(|pass| pass.path == "indirect/compensate");
+                let counted = frame.passes.iter().find(|pass| pass.path == "radiance_cache/request");
                 assert_eq!(counted.is_some_and(|pass| pass.rays > Some(0)), paths > 0);
             }
             light / expected - 1.0
@@ -1052,7 +1080,7 @@ fn equals_reference(comparison: &Comparison) {
     let columns = width / block;
     let mut config = config(columns as u32, (reference.len() / 3 / columns) as u32);
     config.pixel_samples = samples;
-    config.vpl_shoot.bounces = bounces.max(1);
+    config.vpl_shoot.bounces = Some(bounces.max(1));
     config.vpl_shoot.vpls = if bounces == 0 { 1 } else { 4096 * bounces };
     config.indirect.min_distance = Some(0.05);
     config.indirect.compensation = compensation;

@@ -28,7 +28,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 fn config(size: [u32; 2], vpls: u32) -> RenderConfig {
     let mut config = RenderConfig { size, ..RenderConfig::default() };
     config.vpl_shoot.vpls = vpls;
-    config.vpl_shoot.bounces = 1;
+    config.vpl_shoot.bounces = Some(1);
     config
 }
 
@@ -60,7 +60,7 @@ fn a_million_vpls_take_two_lists() {
 fn more_vpls_than_a_buffer_holds_are_refused() {
     let (scene, _) = scene("plane");
     let mut config = config([64, 48], 1 << 24);
-    config.vpl_shoot.bounces = 32;
+    config.vpl_shoot.bounces = Some(32);
     let error = renderer::plan(&scene, &config, &[], &Typical).unwrap_err();
     assert_eq!(error.class(), ErrorClass::Input);
     let text = error.to_string();

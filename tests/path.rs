@@ -564,7 +564,7 @@ fn virtual_point_lights_converge_to_it() {
             .map(|seed| {
                 let mut config = RenderConfig { size: [8, 8], seed, ..RenderConfig::default() };
                 config.vpl_shoot.vpls = paths * bounces;
-                config.vpl_shoot.bounces = bounces;
+                config.vpl_shoot.bounces = Some(bounces);
                 config.indirect.min_distance = Some(0.0);
                 let request = FrameRequest { aovs: &[Aov::Indirect], ..FrameRequest::default() };
                 let frame = renderer.render(&config, &camera, &request).unwrap();

@@ -6,6 +6,7 @@ use parhelion::chart::answer::{answers, error_of};
 use parhelion::chart::data::{
     Answer, Chart, Failure, MetricInfo, PassTime, Point, Reference, SCHEMA, Spread,
 };
+use parhelion::metrics::SeedErrors;
 use parhelion::stress::data::{Row, Shown, Stress, Verdict};
 use parhelion::{chart, stress};
 use serde_json::{Value, json};
@@ -88,6 +89,16 @@ fn chart() -> Chart {
             rays: u64::from(i) * 1_000_000,
             device_bytes: 1 << 20,
             metrics,
+            // Of the first no pictures of earlier seeds.
+            over_seeds: (i != 5).then(|| SeedErrors {
+                rel_mse: error(100),
+                rel_mse_worst: 1.2 * error(100),
+                bias: -error(200),
+                bias_se: Some(0.01),
+                rel_mse_of_mean: (i != 0).then(|| 0.5 * error(100)),
+                systematic: (i != 0).then_some(-1e-4),
+                rel_mse_blocks: 0.1 * error(100),
+            }),
             ranked: i != 5,
             general_ms: (i != 9).then_some(ms * 1.2),
             image: format!("picture {i}"),
@@ -111,6 +122,7 @@ fn chart() -> Chart {
             about: "path".into(),
             spp: Some(64),
             noise: Some(1e-3),
+            bias_se: Some(1e-4),
             image: "reference".into(),
         },
         metrics: vec![
@@ -135,7 +147,8 @@ fn empty_chart() -> Chart {
     chart.points.clear();
     chart.answers.clear();
     chart.images.clear();
-    chart.reference = Reference { about: "a file".into(), spp: None, noise: None, image: String::new() };
+    chart.reference =
+        Reference { about: "a file".into(), spp: None, noise: None, bias_se: None, image: String::new() };
     chart
 }
 

@@ -49,11 +49,12 @@ fn shared_structures_have_one_layout() {
         (array!("materials", shaders::Material), array!("textures", shaders::Texture));
     let (lights, vpls) = (array!("lights", shaders::Light), array!("vpls", shaders::Vpl));
     let choices = array!("choices", shaders::LightChoice);
+    let nodes = array!("nodes", shaders::LightNode);
     // The shader leaves out the padding at the end of Texture: it has none to read elsewhere.
     let scene: SceneData = numbered(0x3e00_0000);
     expected.extend(words(&scene));
     let out = g.buffer("words", 4 * expected.len() as u64);
-    let bind = Bind { instances, triangles, materials, textures, lights, vpls, choices, words: out };
+    let bind = Bind { instances, triangles, materials, textures, lights, vpls, choices, nodes, words: out };
     g.pass("layout", &kernel(), bind, Params {}, Grid::Of([1, 1, 1]));
     let ticket = g.read_buffer::<u32>(out);
 

@@ -2,22 +2,12 @@
 #ifndef INDIRECT_VPLS_GLSL
 #define INDIRECT_VPLS_GLSL
 
+#include "indirect/bounding.glsl"
 #include "lib/glossy.glsl"
 #include "lib/receiver.glsl"
 #include "lib/sampling.glsl"
 #include "lib/visibility.glsl"
 #include "trace/boxes.glsl"
-
-// The paper's cubic f(a, b, d).
-float smooth_step(float a, float b, float d) {
-    if (d >= b) return 1.0;
-    if (d <= a) return 0.0;
-    float s = (d - a) / (b - a);
-    return s * s * (3.0 - 2.0 * s);
-}
-
-// What bounding leaves of the light of a VPL so far away (m).
-float bounded(float d, float min_distance) { return smooth_step(0.8 * min_distance, 1.2 * min_distance, d); }
 
 // W/m² from a VPL if nothing is between; 0 behind the plane of either.
 vec3 unshadowed(Vpl vpl, Receiver x, float min_distance) {

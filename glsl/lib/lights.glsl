@@ -1,4 +1,5 @@
-// Lights: one to ask for light at a point, chosen in proportion to power, and the densities of that choice.
+// Lights: one to ask for light at a point, chosen in proportion to power, and the densities of that choice. Those that
+// know the receiver choose by lib/light_sampler.glsl.
 //
 // Directions point away from the point that is lit and have unit length. The environment is an equirectangular image
 // whose centre is +X, a quarter to the right +Z, the top row +Y; bilinear, without mip levels.
@@ -70,6 +71,7 @@ uint invert(FloatArray cdf, uint count, float u) {
 struct LightTable {
     uint first; // in all choices
     uint count;
+    uint deltas; // lights without size, which come first
     float inverse_power; // 1/W, of all that it holds
     // Cumulative probabilities in the environment, which is the last choice if there are any.
     uint64_t rows;
@@ -77,19 +79,20 @@ struct LightTable {
 };
 
 LightTable table_of_all() {
-    return LightTable(0u, scene.light_choice_count, scene.inverse_power, scene.environment_rows, scene.environment_columns);
+    return LightTable(0u, scene.light_choice_count, scene.light_count, scene.inverse_power, scene.environment_rows,
+                      scene.environment_columns);
 }
 
 // Those that have a size: emissive triangles and the environment.
 LightTable table_of_area_lights() {
-    return LightTable(scene.light_choice_count, scene.light_choice_count - scene.light_count, scene.inverse_area_power,
+    return LightTable(scene.light_choice_count, scene.light_choice_count - scene.light_count, 0u, scene.inverse_area_power,
                       scene.environment_rows, scene.environment_columns);
 }
 
 // Those for points whose lobes are sampled as well: of the environment only what exceeds its mean (MIS compensation;
 // Karlík et al. 2019). It may hold nothing.
 LightTable table_beside_lobes() {
-    return LightTable(scene.excess_choices, scene.excess_choice_count, scene.inverse_excess_power, scene.excess_rows,
+    return LightTable(scene.excess_choices, scene.excess_choice_count, 0u, scene.inverse_excess_power, scene.excess_rows,
                       scene.excess_columns);
 }
 
@@ -116,9 +119,6 @@ float environment_pdf(LightTable lights, vec3 direction) {
     uvec2 cell = min(uvec2(environment_position(direction)), scene.environment_size - 1u);
     return environment_probability(lights) * environment_density(lights, cell);
 }
-
-// With which sample_light does.
-float environment_pdf(vec3 direction) { return environment_pdf(table_of_all(), direction); }
 
 vec3 sample_environment(LightTable lights, vec2 u, out uvec2 cell) {
     uvec2 size = scene.environment_size;
@@ -155,17 +155,23 @@ struct EmitterPoint {
     vec3 weights;
 };
 
-// Uniform by area.
-EmitterPoint point_of(LightChoice choice, vec2 u) {
+EmitterPoint point_of(LightChoice choice, vec3 weights) {
     EmitterPoint p;
     Instance instance = InstanceArray(scene.instances)[choice.instance].at;
     p.index = instance.first_triangle + choice.primitive;
     p.triangle = TriangleArray(scene.triangles)[p.index].at;
-    float root = sqrt(u.x);
-    p.weights = vec3(1.0 - root, root * (1.0 - u.y), root * u.y);
+    p.weights = weights;
     point_on(instance, choice.instance == 0u, p.triangle, p.weights, p.position, p.normal);
     return p;
 }
+
+// Uniform by area.
+vec3 weights_by_area(vec2 u) {
+    float root = sqrt(u.x);
+    return vec3(1.0 - root, root * (1.0 - u.y), root * u.y);
+}
+
+EmitterPoint point_of(LightChoice choice, vec2 u) { return point_of(choice, weights_by_area(u)); }
 
 Material material_of(EmitterPoint p) {
     return MaterialArray(scene.materials)[p.triangle.material & ~TRIANGLE_MIRRORED].at;
@@ -210,6 +216,28 @@ bool sample_sky(LightTable lights, vec2 u, LightChoice choice, out LightSample s
     return s.radiance_over_pdf != vec3(0.0);
 }
 
+// A light without size; by what it is chosen with `probability`.
+bool sample_delta(vec3 from, uint i, float probability, out LightSample s) {
+    Light light = LightArray(scene.lights)[i].at;
+    s.pdf = 0.0;
+    s.delta = true;
+    vec3 arriving = light.intensity / probability;
+    if (is_directional(light)) {
+        s.direction = -light.direction;
+        s.distance = 4.0 * scene.scene_radius;
+    } else {
+        vec3 to = light.position - from;
+        float distance2 = dot(to, to);
+        if (distance2 == 0.0) return false;
+        s.distance = sqrt(distance2);
+        s.direction = to / s.distance;
+        arriving /= distance2;
+        if (is_spot(light)) arriving *= spot_falloff(light, -s.direction);
+    }
+    s.radiance_over_pdf = arriving;
+    return arriving != vec3(0.0);
+}
+
 // One of the choices, by u in [0, 1); which one is returned.
 uint choose(LightTable lights, float u, out LightChoice choice) {
     LightChoiceArray choices = LightChoiceArray(scene.light_choices) + lights.first;
@@ -227,63 +255,6 @@ bool is_environment(LightTable lights, uint i) {
     return ENVIRONMENT && lights.rows != 0UL && i == lights.count - 1u;
 }
 
-// Light that arrives at `from`, an origin off its surface, unless something is between. `u`: three numbers in [0, 1), x
-// for the choice. False: nothing arrives.
-bool sample_light(vec3 from, vec3 u, out LightSample s) {
-    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
-    LightTable lights = table_of_all();
-    if (lights.count == 0u) return false;
-    LightChoice choice;
-    uint i = choose(lights, u.x, choice);
-    if (is_environment(lights, i)) return sample_sky(lights, u.yz, choice, s);
-    if (EMISSIVE_TRIANGLES && i >= scene.light_count) return sample_emitter(from, u.yz, choice, lights.inverse_power, s);
-    Light light = LightArray(scene.lights)[i].at;
-    s.delta = true;
-    vec3 arriving = light.intensity / choice.probability;
-    if (is_directional(light)) {
-        s.direction = -light.direction;
-        s.distance = 4.0 * scene.scene_radius;
-    } else {
-        vec3 to = light.position - from;
-        float distance2 = dot(to, to);
-        if (distance2 == 0.0) return false;
-        s.distance = sqrt(distance2);
-        s.direction = to / s.distance;
-        arriving /= distance2;
-        if (is_spot(light)) arriving *= spot_falloff(light, -s.direction);
-    }
-    s.radiance_over_pdf = arriving;
-    return arriving != vec3(0.0);
-}
-
-// As sample_light, from a table of those alone that have a size.
-bool sample_area_light(LightTable lights, vec3 from, vec3 u, out LightSample s) {
-    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
-    if (lights.count == 0u) return false;
-    LightChoice choice;
-    uint i = choose(lights, u.x, choice);
-    if (is_environment(lights, i)) return sample_sky(lights, u.yz, choice, s);
-    if (!EMISSIVE_TRIANGLES) return false;
-    return sample_emitter(from, u.yz, choice, lights.inverse_power, s);
-}
-
-// Light that arrives at a receiver, and where shadow rays to it start.
-bool sample_light(Receiver x, vec3 u, out LightSample s, out vec3 from) {
-    from = target(x);
-    if (!sample_light(from, u, s)) return false;
-    if (!lifted(x.lift, x.geometric_normal, s.direction)) return true;
-    from = target(facing(x, s.direction));
-    return sample_light(from, u, s);
-}
-
-bool sample_area_light(LightTable lights, Receiver x, vec3 u, out LightSample s, out vec3 from) {
-    from = target(x);
-    if (!sample_area_light(lights, from, u, s)) return false;
-    if (!lifted(x.lift, x.geometric_normal, s.direction)) return true;
-    from = target(facing(x, s.direction));
-    return sample_area_light(lights, from, u, s);
-}
-
 // Density by solid angle of choosing the direction of a ray of unit length that found this surface `distance` away; 0
 // where the side that it shows does not emit. `s` faces `wo`, against the ray.
 float light_pdf(LightTable lights, Hit hit, Surface s, bool front, vec3 wo, float distance) {
@@ -291,11 +262,6 @@ float light_pdf(LightTable lights, Hit hit, Surface s, bool front, vec3 wo, floa
     uint index = InstanceArray(scene.instances)[INSTANCED ? hit.instance : 0u].at.first_triangle + hit.primitive;
     float cosine = dot(s.geometric_normal, wo);
     return cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0;
-}
-
-// With which sample_light does.
-float light_pdf(Hit hit, Surface s, bool front, vec3 wo, float distance) {
-    return light_pdf(table_of_all(), hit, s, front, wo, distance);
 }
 
 // Weight of the sampling method with density p beside one with q (Veach 1997, §9.2).

@@ -7,7 +7,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/bsdf.glsl"
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
-#include "lib/lights.glsl"
+#include "lib/light_sampler.glsl"
 #include "lib/media.glsl"
 #include "lib/visibility.glsl"
 #include "path_trace/modes.glsl"
@@ -56,12 +56,15 @@ vec3 scattered(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, vec3 albedo,
     return albedo * pdf;
 }
 
+// Whether light from behind may count.
+bool lets_through(Surface s) { return GLASS && s.material.transmission > 0.0; }
+
 // Light that a source sends along an edge of its own to this vertex, and on towards wo.
 vec3 connect(Surface s, bool front, vec3 wo, uint lobes, vec3 albedo, uint vertex, vec3 absorption) {
     vec3 from;
     LightSample light;
     vec3 u = vec3(sample_1d(SET_LIGHT_CHOICE, vertex), sample_2d(SET_LIGHT, vertex));
-    if (!sample_light(receiver_at(s), u, light, from)) return vec3(0.0);
+    if (!sample_light(all_lights(), receiver_at(s), lets_through(s), u, light, from)) return vec3(0.0);
     if (CONNECT == CONNECT_DELTA && !light.delta) return vec3(0.0);
     float pdf;
     vec3 f = scattered(s, front, wo, light.direction, lobes, albedo, pdf);
@@ -85,6 +88,9 @@ vec3 trace_path(Ray ray) {
     // Of the last scattering: density of the direction, 0 where no light sample competes with it, and the lobe.
     float pdf = 0.0;
     uint lobe = LOBE_DELTA;
+    vec3 from = ray.origin;
+    Receiver last;
+    bool through = false;
     float above = 0.0; // how far a ray from over a facet runs before it sinks below its plane
     float scale = 1.0;   // of radiance, by refraction
     float covered = 0.0; // distance since the last scattering, sheer surfaces passed
@@ -98,7 +104,7 @@ vec3 trace_path(Ray ray) {
         if (!trace_closest(ray.origin, ray.direction, 0.0, 1.0 / 0.0, hit)) {
             if (ENVIRONMENT && counts) {
                 float weight = 1.0;
-                if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, environment_pdf(ray.direction));
+                if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, environment_pdf(all_lights(), ray.direction));
                 sum += throughput * environment_radiance(ray.direction) * weight;
             }
             break;
@@ -122,7 +128,10 @@ vec3 trace_path(Ray ray) {
         // Unlit surfaces are seen, also mirrored, but light nothing.
         if (counts && emitted != vec3(0.0) && !(unlit && lobe == LOBE_DIFFUSE)) {
             float weight = 1.0;
-            if (CONNECT == CONNECT_ALL && pdf > 0.0) weight = power_heuristic(pdf, light_pdf(hit, s, front, wo, covered));
+            if (CONNECT == CONNECT_ALL && pdf > 0.0) {
+                float by_light = light_pdf(all_lights(), last, through, from, hit, s, front, wo, covered);
+                weight = power_heuristic(pdf, by_light);
+            }
             sum += throughput * emitted * weight;
         }
         bool ends = depth >= params.max_depth;
@@ -185,6 +194,11 @@ vec3 trace_path(Ray ray) {
         above = over ? s.lifts.x / max(-dot(s.geometric_normal, ray.direction), 1e-30) : 0.0;
         if (behind) absorption = absorption_behind(s.material, front, absorption);
         covered = 0.0;
+        if (LIGHT_TREE) {
+            from = ray.origin;
+            last = receiver_at(s);
+            through = lets_through(s);
+        }
         ++depth;
         uint here = vertex++;
         if (depth > params.roulette_depth) {

@@ -23,6 +23,7 @@ layout(constant_id = 126) const bool CLEARCOAT_TEXTURES = true;
 layout(constant_id = 127) const bool ALPHA_BLEND = true;
 layout(constant_id = 128) const bool EMISSIVE_TRIANGLES = true;
 layout(constant_id = 129) const bool ENVIRONMENT = true;
+layout(constant_id = 136) const bool LIGHT_TREE = true; // lights may be chosen by what a point can get of them
 // Surfaces that let some of the light straight through: panes, and partial coverage.
 layout(constant_id = 131) const bool SHEER = true;
 layout(constant_id = 132) const bool PANES = true;

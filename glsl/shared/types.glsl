@@ -102,6 +102,32 @@ struct LightChoice {
     uint primitive;
 };
 
+const uint LIGHT_NODE_LEAF = 0x80000000u; // bits of LightNode.child
+const uint LIGHT_NODE_TWO_SIDED = 0x40000000u; // the cone holds the opposite directions, too
+const uint LIGHT_NODE_DELTA = 0x20000000u; // of leaves: a light without size
+const uint LIGHT_NODE_INDEX = 0x1fffffffu;
+
+// Of the tree that lights with a place are chosen by; siblings lie side by side, the first in an even place.
+struct LightNode {
+    vec3 center; // of a sphere around its lights
+    float radius;
+    vec3 axis; // of a cone around what they face, the normal of one triangle
+    float intensity; // share of all lights' greatest intensities (W/sr)
+    float cos_spread; // of the cone's half angle
+    float cos_reach; // of the angle from what they face within which light leaves
+    uint child; // the first of two; of leaves the index of a light, or of a triangle among those that emit; and bits
+    uint parent;
+};
+
+// Lights to choose from: those of a tree, and in a table of choices what is infinitely far away. There `instance` is the
+// index of a directional light; the environment comes last.
+struct LightSet {
+    uint root;
+    float tree_probability;
+    uint first; // choice of the table
+    uint count;
+};
+
 // A virtual point light. Flux 0 marks a slot whose path ended.
 struct Vpl {
     vec3 position;
@@ -146,6 +172,8 @@ struct SceneData {
     uint64_t boxes;
     uint64_t box_planes;
     uint64_t ray_counters; // 0: rays are not counted
+    uint64_t light_nodes; // 0: lights are chosen by power alone
+    uint64_t emitter_leaves; // of each instance where its triangles begin, then leaves of triangles, 0 where one has none
     uint light_count;
     uint triangle_count;
     float ray_epsilon; // unit of ray origin offsets (m)
@@ -169,6 +197,11 @@ struct SceneData {
     uint excess_choices;      // the first choice of the table that goes with those
     uint excess_choice_count; // 0 where nothing is left to choose
     float inverse_excess_power; // 1/W, of its choices
+    uint vpl_share;           // a point behind mirrors and glass is lit by one VPL in so many
+    uint asked_lights;          // that a point asks one by one; light_count, or 0 where `light_samples` stand for them
+    LightSet all_lights;
+    LightSet sampled_lights;      // that light_samples choose from
+    LightSet lights_beside_lobes; // the same where lobes are sampled too
     uint padding0;
 };
 

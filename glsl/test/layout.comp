@@ -12,7 +12,8 @@ layout(set = 1, binding = 3, scalar) readonly buffer Textures { Texture data[]; 
 layout(set = 1, binding = 4, scalar) readonly buffer Lights { Light data[]; } lights;
 layout(set = 1, binding = 5, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 6, scalar) readonly buffer Choices { LightChoice data[]; } choices;
-layout(set = 1, binding = 7, scalar) writeonly buffer Words { uint data[]; } words;
+layout(set = 1, binding = 7, scalar) readonly buffer Nodes { LightNode data[]; } nodes;
+layout(set = 1, binding = 8, scalar) writeonly buffer Words { uint data[]; } words;
 
 uint next = 0u;
 void put(uint v) { words.data[next++] = v; }
@@ -22,6 +23,7 @@ void put(vec2 v) { put(v.x); put(v.y); }
 void put(uvec2 v) { put(v.x); put(v.y); }
 void put(vec3 v) { put(v.x); put(v.y); put(v.z); }
 void put(uvec3 v) { put(v.x); put(v.y); put(v.z); }
+void put(LightSet s) { put(s.root); put(s.tree_probability); put(s.first); put(s.count); }
 
 void main() {
     Instance i = instances.data[1];
@@ -45,11 +47,14 @@ void main() {
     put(v.position); put(v.path); put(v.normal); put(v.bounce); put(v.flux);
     LightChoice c = choices.data[1];
     put(c.probability); put(c.threshold); put(c.alias); put(c.instance); put(c.primitive);
+    LightNode n = nodes.data[1];
+    put(n.center); put(n.radius); put(n.axis); put(n.intensity); put(n.cos_spread); put(n.cos_reach); put(n.child); put(n.parent);
     SceneData s = scene;
     put(s.instances); put(s.triangles); put(s.positions); put(s.normals); put(s.uv0); put(s.uv1); put(s.colors); put(s.tangents);
     put(s.materials); put(s.textures); put(s.lights); put(s.light_choices); put(s.emission_weights);
     put(s.environment); put(s.environment_rows); put(s.environment_columns); put(s.excess_rows);
     put(s.excess_columns); put(s.bvh_nodes); put(s.bvh_triangles); put(s.box_nodes); put(s.boxes); put(s.box_planes); put(s.ray_counters);
+    put(s.light_nodes); put(s.emitter_leaves);
     put(s.light_count); put(s.triangle_count); put(s.ray_epsilon); put(s.scene_center); put(s.scene_radius);
     put(s.camera.eye); put(s.camera.orthographic); put(s.camera.right);
     put(s.camera.up); put(s.camera.forward);
@@ -57,5 +62,6 @@ void main() {
     put(s.pane_roughness);
     put(s.energy_conserving); put(s.light_choice_count); put(s.inverse_power); put(s.environment_size);
     put(s.inverse_area_power); put(s.light_samples); put(s.lobe_samples); put(s.excess_choices);
-    put(s.excess_choice_count); put(s.inverse_excess_power); put(s.padding0);
+    put(s.excess_choice_count); put(s.inverse_excess_power); put(s.vpl_share); put(s.asked_lights);
+    put(s.all_lights); put(s.sampled_lights); put(s.lights_beside_lobes); put(s.padding0);
 }

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Samples lights at a point, and asks for the density and the radiance of what a ray along the sample finds.
+// Samples lights at a receiver, and asks for the density and the radiance of what a ray along the sample finds.
 layout(local_size_x = 64) in;
-#include "lib/lights.glsl"
+#include "lib/light_sampler.glsl"
 #include "trace/trace.glsl"
 
 struct LightAnswer {
@@ -20,20 +20,23 @@ struct LightAnswer {
 
 layout(set = 1, binding = 0, scalar) readonly buffer Numbers { vec3 data[]; } numbers;
 layout(set = 1, binding = 1, scalar) writeonly buffer Answers { LightAnswer data[]; } answers;
-layout(push_constant, scalar) uniform Params { vec3 from; uint count; uint beside_lobes; } params;
+layout(push_constant, scalar) uniform Params { vec3 from; uint count; vec3 normal; uint set; } params;
+
+const uint SET_ALL = 0u;
+const uint SET_SAMPLED = 1u;
+const uint SET_BESIDE_LOBES = 2u;
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= params.count) return;
     LightSample s;
-    LightTable lights = table_of_all();
-    bool found;
-    if (params.beside_lobes == 0u) {
-        found = sample_light(params.from, numbers.data[i], s);
-    } else {
-        lights = table_beside_lobes();
-        found = sample_area_light(lights, params.from, numbers.data[i], s);
-    }
+    LightSource lights = all_lights();
+    if (params.set == SET_SAMPLED) lights = sampled_lights();
+    if (params.set == SET_BESIDE_LOBES) lights = lights_beside_lobes();
+    // Without a normal both sides count.
+    bool through = params.normal == vec3(0.0);
+    Receiver x = Receiver(params.from, params.normal, params.normal, params.normal, 0.0);
+    bool found = sample_light(lights, x, through, params.from, numbers.data[i], s);
     LightAnswer answer = LightAnswer(s.direction, s.distance, s.radiance_over_pdf, s.pdf, vec3(0.0), 0.0, 1.0 / 0.0,
                                      (found ? 1u : 0u) | (s.delta ? 2u : 0u), 0u, vec2(0.0));
     Hit hit;
@@ -41,7 +44,7 @@ void main() {
         Surface surface = surface_at(hit);
         bool front = face(surface, -s.direction);
         answer.radiance = emitted_radiance(surface.material, front);
-        answer.ray_pdf = light_pdf(lights, hit, surface, front, -s.direction, hit.t);
+        answer.ray_pdf = light_pdf(lights, x, through, params.from, hit, surface, front, -s.direction, hit.t);
         answer.ray_distance = hit.t;
         answer.primitive = hit.primitive;
         answer.barycentrics = hit.barycentrics;

@@ -3,165 +3,25 @@
 // One light path a thread; a VPL in a fixed slot at every diffuse hit. Flux 0 marks a gap.
 layout(local_size_x = 64) in;
 #include "lib/counters.glsl"
-#include "lib/lights.glsl"
-#include "lib/media.glsl"
-#include "lib/sampling.glsl"
-#include "lib/sheer.glsl"
-#include "trace/offset.glsl"
-#include "trace/trace.glsl"
+#include "shared/types.glsl"
+#include "vpl_shoot/guides.glsl"
 
 layout(set = 1, binding = 0, scalar) writeonly buffer Slots { Vpl data[]; } slots;
+layout(set = 1, binding = 1, scalar) readonly buffer Guides { uint count; float radius; Guide data[]; } guides;
 layout(push_constant, scalar) uniform Params { uint paths; uint bounces; } params;
 
-// Whether any light has a size.
-bool area_lights() {
-    return (EMISSIVE_TRIANGLES || ENVIRONMENT) && scene.light_choice_count > scene.light_count;
-}
+const bool ROULETTE = false;
+#include "vpl_shoot/path.glsl"
 
-// Halton dimensions: 0 the light, 1 and 2 its emission, 3 and 4 where on it where lights have a size, then a pair a
-// bounce.
-uint first_bounce_dimension() { return area_lights() ? 5u : 3u; }
-
-vec2 halton_pair(uint dimension, uint path) {
-    // The sequence starts at 1: its element 0 is a corner in every dimension.
-    return vec2(halton(dimension, path + 1u, scene.seed), halton(dimension + 1u, path + 1u, scene.seed));
-}
-
-struct Emission {
-    vec3 origin;
-    vec3 direction;
-    vec3 flux; // carried by the path, W
-};
-
-// Of a light without size; `paths_here` is p_light · P, `v` two numbers in [0, 1).
-Emission emit(Light light, float paths_here, vec2 v) {
-    if (is_directional(light)) {
-        vec2 disc = scene.scene_radius * sample_disc(v);
-        vec3 start = scene.scene_center - scene.scene_radius * light.direction;
-        return Emission(start + basis_around(light.direction) * vec3(disc, 0.0), light.direction, light.flux / paths_here);
-    }
-    if (is_spot(light)) {
-        vec3 direction = basis_around(light.direction) * sample_cone(v, light.cos_outer);
-        float solid_angle = 2.0 * PI * (1.0 - light.cos_outer);
-        return Emission(light.position, direction,
-                        light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here));
-    }
-    return Emission(light.position, sample_sphere(v), light.flux / paths_here);
-}
-
-// Of an emissive triangle: uniform by area, on either side alike where both emit, cosine-distributed.
-Emission emit(LightChoice choice, vec2 v, vec2 place) {
-    EmitterPoint p = point_of(choice, place);
-    float paths_here = emitter_density(p.index, scene.inverse_power) * float(params.paths); // a square metre
-    bool front = true;
-    if ((material_of(p).flags & MATERIAL_DOUBLE_SIDED) != 0u) {
-        front = v.x < 0.5;
-        v.x = front ? 2.0 * v.x : 2.0 * v.x - 1.0;
-        paths_here *= 0.5;
-    }
-    vec3 normal = front ? p.normal : -p.normal;
-    return Emission(offset_origin(p.position, normal), basis_around(normal) * sample_cosine_hemisphere(v),
-                    emitted_at(p, front) * (PI / paths_here));
-}
-
-// Of the environment, from the disc that faces the direction.
-Emission emit_sky(LightChoice choice, vec2 v, vec2 place) {
-    LightSample s;
-    if (!sample_sky(table_of_all(), v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0));
-    vec2 disc = scene.scene_radius * sample_disc(place);
-    vec3 start = scene.scene_center + scene.scene_radius * s.direction;
-    float area = PI * scene.scene_radius * scene.scene_radius;
-    return Emission(start + basis_around(s.direction) * vec3(disc, 0.0), -s.direction,
-                    s.radiance_over_pdf * (area / float(params.paths)));
-}
-
-Emission emit(uint path) {
-    float u = halton(0u, path + 1u, scene.seed);
-    vec2 v = halton_pair(1u, path);
-    if (area_lights()) {
-        LightTable lights = table_of_all();
-        LightChoice choice;
-        uint i = choose(lights, u, choice);
-        if (is_environment(lights, i)) return emit_sky(choice, v, halton_pair(3u, path));
-        if (EMISSIVE_TRIANGLES && i >= scene.light_count) return emit(choice, v, halton_pair(3u, path));
-        return emit(LightArray(scene.lights)[i].at, choice.probability * float(params.paths), v);
-    }
-    uint low = 0u, high = scene.light_count - 1u;
-    while (low < high) {
-        uint middle = (low + high) / 2u;
-        if (LightArray(scene.lights)[middle].at.power_cdf > u) high = middle;
-        else low = middle + 1u;
-    }
-    Light light = LightArray(scene.lights)[low].at;
-    float before = low == 0u ? 0.0 : LightArray(scene.lights)[low - 1u].at.power_cdf;
-    return emit(light, (light.power_cdf - before) * float(params.paths), v);
-}
+void leave(Vpl vpl) { slots.data[vpl.path * params.bounces + vpl.bounce] = vpl; }
 
 void main() {
     uint path = gl_GlobalInvocationID.x;
     if (path >= params.paths) return;
     Vpl gap = Vpl(vec3(0.0), path, vec3(0.0), 0u, vec3(0.0));
-    uint bounce = 0u, rays = 0u;
-    if (scene.light_choice_count > 0u) {
-        Emission emission = emit(path);
-        vec3 origin = emission.origin, direction = emission.direction, flux = emission.flux;
-        vec3 absorption = vec3(0.0);
-        uint specular = 0u;
-        Hit hit;
-        while (bounce < params.bounces && flux != vec3(0.0)) {
-            ++rays;
-            if (!trace_closest(origin, direction, 0.0, 1.0 / 0.0, hit)) break;
-            Surface surface = surface_at(hit);
-            bool front = face(surface, -direction);
-            flux *= transmittance(absorption, distance(origin, surface.position));
-            float covered = coverage(surface.material);
-            if (covered < 1.0 && unit_float(hash(hash(scene.seed, path), rays)) >= covered) {
-                origin = beyond(surface, direction);
-                continue;
-            }
-            float cos_s = max(0.0, -dot(direction, surface.normal));
-            float cos_g = -dot(direction, surface.geometric_normal);
-            bool pane = is_pane(surface.material);
-            vec3 albedo = vpl_albedo(surface.material, min(cos_s, 1.0), front);
-            if (pane && albedo != vec3(0.0)) {
-                Split split = split_light(surface.material, min(cos_s, 1.0), front);
-                float p = sum(albedo) / (sum(albedo) + sum(split.reflected) + sum(split.transmitted));
-                bool scatters = unit_float(hash(hash(scene.seed, path), rays, 1u)) < p;
-                flux /= scatters ? p : 1.0 - p;
-                if (!scatters) albedo = vec3(0.0);
-            }
-            if (albedo != vec3(0.0)) {
-                // The correction makes light paths equal camera paths where normals are interpolated.
-                flux *= albedo * (cos_g > 0.0 ? cos_s / cos_g : 0.0);
-                slots.data[path * params.bounces + bounce] =
-                    Vpl(surface.position, path, surface.geometric_normal, bounce, flux);
-                vec2 u = halton_pair(first_bounce_dimension() + 2u * bounce, path);
-                direction = basis_around(surface.geometric_normal) * sample_cosine_hemisphere(u);
-                origin = offset_origin(surface.position, surface.geometric_normal);
-                ++bounce;
-                specular = 0u;
-                continue;
-            }
-            // Mirrors and glass leave no VPL: the path goes on one way, chosen by its share of the light. Through a pane is
-            // no bounce.
-            if (!pane && ++specular > scene.specular_depth) break;
-            Split split = split_light(surface.material, min(cos_s, 1.0), front);
-            float r = dot(split.reflected, vec3(1.0)), t = dot(split.transmitted, vec3(1.0));
-            if (r + t <= 0.0) break;
-            float p = r / (r + t);
-            if (unit_float(hash(scene.seed, path, rays)) < p) {
-                if (pane && ++specular > scene.specular_depth) break;
-                flux *= split.reflected / p;
-                direction = reflect_above(direction, surface.normal, surface.side_normal);
-                origin = leave(surface, direction);
-            } else {
-                flux *= (pane ? pane_share(surface, direction) : split.transmitted) / (1.0 - p);
-                direction = transmit(surface.material, direction, surface.normal, front);
-                origin = offset_origin(surface.position, -surface.geometric_normal);
-                absorption = absorption_behind(surface.material, front, absorption);
-            }
-        }
+    uint rays = 0u;
+    for (uint bounce = shoot(path, rays); bounce < params.bounces; ++bounce) {
+        slots.data[path * params.bounces + bounce] = gap;
     }
-    for (; bounce < params.bounces; ++bounce) slots.data[path * params.bounces + bounce] = gap;
     count_rays(rays);
 }

@@ -1,15 +1,16 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Whether any VPL of a path lights any of some points.
+// Which paths have a VPL that lights any of some points.
 layout(local_size_x = 64) in;
 #include "lib/receiver.glsl"
 #include "lib/visibility.glsl"
 #include "trace/offset.glsl"
 
-layout(set = 1, binding = 0, scalar) readonly buffer Slots { Vpl data[]; } slots;
-layout(set = 1, binding = 1, scalar) readonly buffer Points { Receiver data[]; } points;
-layout(set = 1, binding = 2, scalar) writeonly buffer Seen { uint data[]; } seen;
-layout(push_constant, scalar) uniform Params { uint paths; uint bounces; uint points; } params;
+layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
+layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
+layout(set = 1, binding = 2, scalar) readonly buffer Points { Receiver data[]; } points;
+layout(set = 1, binding = 3, scalar) buffer Seen { uint data[]; } seen; // starts as 0
+layout(push_constant, scalar) uniform Params { uint points; } params;
 
 bool lights(Vpl vpl, Receiver x) {
     vec3 to_vpl = vpl.position - x.position;
@@ -21,13 +22,11 @@ bool lights(Vpl vpl, Receiver x) {
 }
 
 void main() {
-    uint path = gl_GlobalInvocationID.x;
-    if (path >= params.paths) return;
+    uint k = gl_GlobalInvocationID.x;
+    if (k >= count.vpls) return;
+    Vpl vpl = vpls.data[k];
     bool found = false;
-    for (uint i = 0u; i < params.bounces * params.points && !found; ++i) {
-        Vpl vpl = slots.data[path * params.bounces + i / params.points];
-        if (vpl.flux == vec3(0.0)) break;
-        found = lights(vpl, points.data[i % params.points]);
-    }
-    seen.data[path] = found ? 1u : 0u;
+    for (uint i = 0u; i < params.points && !found; ++i) found = lights(vpl, points.data[i]);
+    // Whichever of a path's writes comes last, it is the same.
+    if (found) seen.data[vpl.path] = 1u;
 }

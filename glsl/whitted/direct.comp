@@ -17,14 +17,14 @@ layout(set = 1, binding = 2, rgba32f) uniform readonly image2D before;
 layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_radiance;
 layout(push_constant, scalar) uniform Params { uint first; uint last; } params;
 
-// What the surface reflects of lights without size and a range of rays to others.
+// What the surface reflects of lights asked one by one and of a range of samples of others.
 vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, uint seed, inout uint rays) {
     Receiver x = receiver_at(surface);
     GlossySurface glossy;
     if (GLOSSY) glossy = glossy_surface(surface, front, to_viewer);
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     if (!CONTINUES) {
-        for (uint i = 0u; i < scene.light_count; ++i) {
+        for (uint i = 0u; i < scene.asked_lights; ++i) {
             vec3 source, light_here, direction;
             Light light = LightArray(scene.lights)[i].at;
             Receiver y = facing(x, light);
@@ -40,24 +40,24 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
             else irradiance += light_here;
         }
     }
-    if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
+    if (SAMPLES_LIGHTS) {
         vec3 sampled = vec3(0.0);
-        LightTable lights = table_of_area_lights();
+        LightSource lights = sampled_lights();
         bool lobes = false;
         if (GLOSSY) lobes = samples_lobes(glossy);
-        if (lobes) lights = table_beside_lobes();
+        if (lobes) lights = lights_beside_lobes();
         uint last = min(params.last, scene.light_samples);
         for (uint i = params.first; i < last; ++i) {
             if (lobes) sampled += by_lobe(glossy, i, seed, rays);
             LightSample light;
             vec3 origin;
-            if (!area_light(lights, x, i, seed, light, origin)) continue;
+            if (!sampled_light(lights, x, i, seed, light, origin)) continue;
             vec3 share;
             float pdf;
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT, pdf);
             else share = vec3(dot(x.side_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
-            if (lobes) share *= power_heuristic(light.pdf, pdf);
+            if (lobes && !light.delta) share *= power_heuristic(light.pdf, pdf);
             sampled += arriving(share * light.radiance_over_pdf, origin, light.direction, light.distance, rays);
         }
         sampled /= float(max(scene.light_samples, 1u));

@@ -3,7 +3,7 @@
 #define WHITTED_DIRECT_GLSL
 
 #include "lib/glossy.glsl"
-#include "lib/lights.glsl"
+#include "lib/light_sampler.glsl"
 #include "lib/receiver.glsl"
 #include "lib/visibility.glsl"
 
@@ -40,7 +40,10 @@ vec3 perpendicular(Light light, vec3 position, out vec3 source, out vec3 directi
     return arriving;
 }
 
-// Seed of the rays for lights that have a size; every pixel and every sample of it has others.
+// Whether some lights are not asked one by one.
+const bool SAMPLES_LIGHTS = EMISSIVE_TRIANGLES || ENVIRONMENT || LIGHT_TREE;
+
+// Seed of the rays to sampled lights; every pixel and every sample of it has others.
 uint area_seed(uvec2 pixel) {
     uvec2 place = pixel + scene.window_origin;
     uvec2 offset = floatBitsToUint(scene.pixel_offset);
@@ -49,8 +52,8 @@ uint area_seed(uvec2 pixel) {
 
 // Sample `i` of so many as scene.light_samples, to be divided by that: W/m² across the direction it comes from, unless
 // something is between.
-bool area_light(LightTable lights, Receiver x, uint i, uint seed, out LightSample light, out vec3 from) {
-    return sample_area_light(lights, x, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light, from);
+bool sampled_light(LightSource lights, Receiver x, uint i, uint seed, out LightSample light, out vec3 from) {
+    return sample_light(lights, x, false, vec3(sobol(i, hash(seed, 1u)).x, sobol(i, hash(seed, 2u))), light, from);
 }
 
 // Whether a surface's lobes are sampled beside the lights that have a size: the power heuristic weighs what both find.
@@ -61,7 +64,7 @@ bool samples_lobes(GlossySurface g) { return GLOSSY && scene.lobe_samples > 0u &
 vec3 light_along(Surface x, vec3 direction, float pdf, inout uint rays) {
     vec3 from = leave(x, direction);
     bool over = lifted(x.lifts.x, x.geometric_normal, direction);
-    LightTable lights = table_beside_lobes();
+    LightSource lights = lights_beside_lobes();
     vec3 sum = vec3(0.0), sky = vec3(0.0);
     if (ENVIRONMENT) sky = environment_radiance(direction) * power_heuristic(pdf, environment_pdf(lights, direction));
     if (!EMISSIVE_TRIANGLES) {
@@ -82,7 +85,7 @@ vec3 light_along(Surface x, vec3 direction, float pdf, inout uint rays) {
         // Unlit surfaces light nothing.
         bool counts = !over || dot(x.geometric_normal, s.position - x.position) <= 0.0;
         if (counts && s.material.emission != vec3(0.0) && (s.material.flags & MATERIAL_UNLIT) == 0u) {
-            float by_light = light_pdf(lights, hit, s, front, -direction, distance(from, s.position));
+            float by_light = light_pdf(lights, receiver_at(x), false, from, hit, s, front, -direction, distance(from, s.position));
             sum += share * covered * emitted_radiance(s.material, front) * power_heuristic(pdf, by_light);
         }
         share *= passing(s, direction);

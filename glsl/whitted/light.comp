@@ -39,7 +39,7 @@ void main() {
         face(surface, seen.data[point].to_viewer);
         x = receiver_at(surface);
     }
-    if (EMISSIVE_TRIANGLES || ENVIRONMENT) lit.seed = seen.data[point].seed;
+    if (SAMPLES_LIGHTS) lit.seed = seen.data[point].seed;
     uint end = min(source + args.at.share, last);
     parts.data[part * listed + index] = light_in_groups(x, lit, source, end, params.min_distance, rays);
     count_rays(rays);

@@ -9,8 +9,11 @@ const uint NO_POINT = 0xffffffffu;
 const uint POINTS = 64u; // of a workgroup that lights them or adds up their light
 const uint GROUP = 16u;  // sources whose light is summed before it is added to that of others, whoever does it
 
-// Sources that light a point, with so many VPLs.
-uint source_count(uint vpls) { return scene.light_count + scene.light_samples + vpls + scene.lobe_samples; }
+// VPLs that light a point, of so many.
+uint vpl_run(uint vpls) { return (vpls + scene.vpl_share - 1u) / scene.vpl_share; }
+
+// Sources that do.
+uint source_count(uint vpls) { return scene.asked_lights + scene.light_samples + vpl_run(vpls) + scene.lobe_samples; }
 
 struct Reached {
     vec3 position;
@@ -21,7 +24,7 @@ struct Reached {
     uint previous;   // the same pixel's point before this one
 };
 
-// What more glossy or curved surfaces and lights that have a size need to know of it.
+// What more glossy or curved surfaces and sampled lights need to know of it.
 struct Seen {
     uvec4 hit; // packed
     vec3 to_viewer;

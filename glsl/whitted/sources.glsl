@@ -1,4 +1,4 @@
-// Light from the lights, from samples of lights that have a size, and from VPLs, in this order, with a shadow ray each;
+// Light from lights asked one by one, from samples of others, and from VPLs, in this order, with a shadow ray each;
 // then by rays of a point's lobes. Expects `vpls` and `count`.
 #ifndef WHITTED_SOURCES_GLSL
 #define WHITTED_SOURCES_GLSL
@@ -9,11 +9,17 @@
 
 uint source_count() { return source_count(count.vpls); }
 
+// The first VPL of a point's run.
+uint first_vpl(vec3 position) {
+    if (scene.vpl_share == 1u) return 0u;
+    uvec3 at = floatBitsToUint(position);
+    return min(uint(unit_float(hash(hash(at.x, at.y, at.z), scene.seed)) * float(count.vpls)), count.vpls - 1u);
+}
 
 // A lit point beyond its receiver.
 struct Lit {
     GlossySurface glossy; // of glossy scenes
-    uint seed;            // of rays to lights that have a size
+    uint seed;            // of rays to sampled lights
 };
 
 // Irradiance; of glossy scenes the radiance that goes on to the eye.
@@ -25,20 +31,20 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
     for (uint k = first; k < last; ++k) {
         vec3 direction;
         Connection c = Connection(vec3(0.0), vec3(0.0), vec3(0.0));
-        bool is_vpl = k >= scene.light_count + scene.light_samples;
+        bool is_vpl = k >= scene.asked_lights + scene.light_samples;
         bool sampled = false;
         LightSample light;
-        if (EMISSIVE_TRIANGLES || ENVIRONMENT) {
-            sampled = !is_vpl && k >= scene.light_count;
+        if (SAMPLES_LIGHTS) {
+            sampled = !is_vpl && k >= scene.asked_lights;
             if (k >= lobe_rays) {
                 if (lobes) sum += by_lobe(lit.glossy, k - lobe_rays, lit.seed, rays) / float(scene.lobe_samples);
                 continue;
             }
         }
         if (sampled) {
-            LightTable lights = table_of_area_lights();
-            if (lobes) lights = table_beside_lobes();
-            if (!area_light(lights, x, k - scene.light_count, lit.seed, light, c.from)) continue;
+            LightSource lights = sampled_lights();
+            if (lobes) lights = lights_beside_lobes();
+            if (!sampled_light(lights, x, k - scene.asked_lights, lit.seed, light, c.from)) continue;
             direction = light.direction;
             c.light = light.radiance_over_pdf / float(scene.light_samples);
             if (!GLOSSY) {
@@ -52,16 +58,17 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
             if (GLOSSY) c.light = perpendicular(light, y.position, c.to, direction);
             else c.light = unshadowed(light, y, c.to);
         } else {
-            uint vpl = k - scene.light_count - scene.light_samples;
+            uint vpl = (first_vpl(x.position) + (k - scene.asked_lights - scene.light_samples)) % count.vpls;
             if (GLOSSY) c = connect_vpl(vpl, x, min_distance, direction);
             else c = connect_vpl(vpl, x, min_distance);
+            if (scene.vpl_share > 1u) c.light *= float(count.vpls) / float(vpl_run(count.vpls));
         }
         if (c.light == vec3(0.0)) continue;
         if (GLOSSY) {
             float pdf;
             c.light *= scattered(lit.glossy, direction, LOBES_LIT, pdf);
             if (c.light == vec3(0.0)) continue;
-            if (sampled && lobes) c.light *= power_heuristic(light.pdf, pdf);
+            if (sampled && lobes && !light.delta) c.light *= power_heuristic(light.pdf, pdf);
         }
         // One copy of the exact one where that is all there is.
         if (VISIBILITY != VISIBILITY_EXACT && is_vpl) sum += arriving_vpl(c, rays);

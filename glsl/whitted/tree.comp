@@ -29,6 +29,8 @@ layout(push_constant, scalar) uniform Params {
     uint end_row;
 } params;
 
+layout(constant_id = 0) const bool SENDERS = false; // points send rays
+
 #include "whitted/sources.glsl"
 
 struct Branch {
@@ -126,7 +128,7 @@ void main() {
             uint index = atomicAdd(args.at.count, 1u);
             lit.seed = hash(area_seed(uvec2(pixel)), followed);
             if (index < params.capacity) {
-                if (GLOSSY || EMISSIVE_TRIANGLES || ENVIRONMENT || CURVED) {
+                if (SENDERS || GLOSSY || SAMPLES_LIGHTS || CURVED) {
                     seen.data[index] = Seen(pack_hit(hit), -branch.direction, lit.seed);
                 }
                 points.data[index] = Reached(surface.position, surface.normal, surface.geometric_normal, reflected, vec3(0.0), last);

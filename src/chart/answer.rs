@@ -55,15 +55,24 @@ pub fn answers(points: &[Point], noise: Option<f64>) -> Vec<Answer> {
 
 fn said(point: &Point, noise: Option<f64>) -> String {
     let (error, known) = error_of(point, noise).unwrap_or((f64::NAN, false));
-    let bias = point.metrics.get("signed_bias").map_or(f64::NAN, |bias| bias.median);
     format!(
-        "{}, {} ms, relMSE {}{}, bias {:+.1} %",
+        "{}, {} ms, relMSE {}{}, bias {}",
         point.label,
         significant(point.ms.median),
         if known { "" } else { "about " },
         significant(error),
-        100.0 * bias
+        bias_of(point).unwrap_or_else(|| "-".into())
     )
+}
+
+/// The point's mean bias and its standard error, as text; the median of what no more is known of.
+pub(crate) fn bias_of(point: &Point) -> Option<String> {
+    let median = point.metrics.get("signed_bias").map(|bias| (bias.median, None));
+    let (bias, se) = point.over_seeds.map(|errors| (errors.bias, errors.bias_se)).or(median)?;
+    Some(match se {
+        Some(se) => format!("{:+.2} ± {:.2} %", 100.0 * bias, 100.0 * se),
+        None => format!("{:+.1} %", 100.0 * bias),
+    })
 }
 
 /// Three digits that count.
@@ -79,7 +88,8 @@ impl Chart {
     /// The front, what the reference cannot rank, and what to use, as text.
     #[must_use]
     pub fn table(&self) -> String {
-        let mut rows = vec![["setting", "ms", "relMSE", "bias", "FLIP", "Mrays"].map(String::from)];
+        let head = ["setting", "ms", "relMSE", "worst", "bias", "systematic", "blocks", "FLIP", "Mrays"];
+        let mut rows = vec![head.map(String::from)];
         let unranked: Vec<usize> = (0..self.points.len()).filter(|&i| !self.points[i].ranked).collect();
         for &index in front_of(&self.points, "rel_mse").iter().chain(&unranked) {
             let point = &self.points[index];
@@ -94,21 +104,30 @@ impl Chart {
                     }
                     None => "-".into(),
                 },
-                error("signed_bias").map_or("-".into(), |bias| format!("{:+.1} %", 100.0 * bias)),
+                show(point.over_seeds.map(|errors| errors.rel_mse_worst)),
+                bias_of(point).unwrap_or_else(|| "-".into()),
+                show(point.over_seeds.and_then(|errors| errors.systematic)),
+                show(error("rel_mse_blocks")),
                 show(error("flip")),
                 significant(point.rays as f64 / 1e6),
             ]);
         }
         let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let widths: Vec<_> = (0..6).map(width).collect();
+        let widths: Vec<_> = (0..head.len()).map(width).collect();
         let mut text = String::new();
         for row in &rows {
             let mut line = format!("{:<1$}", row[0], widths[0]);
-            for column in 1..6 {
+            for column in 1..head.len() {
                 line += &format!("  {:>1$}", row[column], widths[column]);
             }
             text += line.trim_end();
             text.push('\n');
+        }
+        if let Some(seeds) = self.points.iter().map(|point| point.seeds).max() {
+            text += &format!(
+                "Errors are medians over {seeds} seeds, but for worst; bias is their mean ± its standard error; systematic is \
+                 what no number of seeds takes away; blocks: relMSE of means of 32x32 pixels.\n"
+            );
         }
         if let Some(noise) = self.reference.noise.filter(|_| !unranked.is_empty()) {
             text += &format!(
@@ -151,6 +170,7 @@ pub(super) mod tests {
             rays: 1000,
             device_bytes: 0,
             metrics: metrics.map(|(key, value)| (key.to_owned(), spread(value))).into(),
+            over_seeds: None,
             ranked: true,
             general_ms: None,
             image: String::new(),

@@ -1,5 +1,6 @@
 //! What a chart holds: `data.json` in whole, and all that its page shows.
 
+use crate::metrics::SeedErrors;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -56,6 +57,9 @@ pub struct Reference {
     pub spp: Option<u32>,
     /// relMSE between its halves over 4: its own noise, subtracted from every mean squared error. Absent without halves.
     pub noise: Option<f64>,
+    /// Standard error that it gives every bias, the same for all points. Absent without halves.
+    #[serde(default)]
+    pub bias_se: Option<f64>,
     /// Key of its picture.
     pub image: String,
 }
@@ -95,9 +99,13 @@ pub struct Point {
     pub rays: u64,
     /// Most bytes allocated on the device.
     pub device_bytes: u64,
-    /// Errors by metric, over seeds. The reference's own noise is subtracted from relMSE and its trimmed form, down to a
-    /// tenth of what was measured, and from the squared error behind `rmse`.
+    /// Errors by metric, over seeds. The reference's own noise is subtracted from relMSE, its trimmed form and that of
+    /// blocks, down to a tenth of what was measured, and from the squared error behind `rmse`.
     pub metrics: BTreeMap<String, Spread>,
+    /// How its error is stated over seeds, the reference's own noise subtracted. The systematic part is absent where the
+    /// pictures of earlier seeds are not there.
+    #[serde(default)]
+    pub over_seeds: Option<SeedErrors>,
     /// Whether its error stands clear of the reference's own noise.
     pub ranked: bool,
     /// Milliseconds by a pipeline that is not specialised to the scene, where measured: median over seeds.

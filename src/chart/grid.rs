@@ -317,7 +317,8 @@ mod tests {
              preset = ['fast', 'paper-canonical']
              vpl_shoot = { vpls = [90, 180] }
              [[sweep]]
-             vpl_shoot.vpls = 180
+             vpl_shoot = { vpls = 180, bounces = 3, lobes = false, guided = false }
+             light_choice = 'power'
              indirect.glossy = false
              shadow_terminator = false
              panes = false

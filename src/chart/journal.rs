@@ -36,6 +36,17 @@ pub(super) struct Entry {
     pub(super) device_bytes: u64,
     /// Mean squared error and peak aside, what was measured: noise not yet subtracted.
     pub(super) metrics: BTreeMap<String, f64>,
+    /// Where the pictures of all seeds before it were there.
+    #[serde(default)]
+    pub(super) mean: Option<Mean>,
+}
+
+/// Error of the mean picture over all seeds from one on, to that of the entry.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Mean {
+    /// The first seed.
+    pub(super) from: u32,
+    pub(super) rel_mse: f64,
 }
 
 pub(super) struct Journal {
@@ -138,7 +149,17 @@ mod tests {
         let mut config = RenderConfig { seed, ..RenderConfig::default() };
         config.indirect.min_distance = Some(0.1);
         let metrics = BTreeMap::from([("rel_mse".into(), 0.25)]);
-        Entry { config, ms: 1.5, general_ms: None, passes: Vec::new(), rays: 3, device_bytes: 5, metrics }
+        let mean = Some(Mean { from: 0, rel_mse: 0.125 });
+        Entry {
+            config,
+            ms: 1.5,
+            general_ms: None,
+            passes: Vec::new(),
+            rays: 3,
+            device_bytes: 5,
+            metrics,
+            mean,
+        }
     }
 
     #[test]

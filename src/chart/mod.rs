@@ -6,6 +6,7 @@ pub mod data;
 pub mod front;
 pub mod grid;
 mod journal;
+mod mean;
 pub mod picture;
 pub mod reference;
 pub mod report;

@@ -4,7 +4,7 @@
 use crate::ErrorClass;
 use crate::config::RenderConfig;
 use crate::methods;
-use crate::output::{self, Attribute, Channels, Picture, read_exr, write_exr};
+use crate::output::{self, Attribute, Channels, Picture, ReadPicture, read_exr, write_exr};
 use crate::renderer::{self, FrameRequest, Layer, Progress, Renderer};
 use crate::scene::Camera;
 use crate::techniques::path_trace::{PathTraceConfig, PixelFilter};
@@ -93,6 +93,19 @@ impl ReferenceError {
 
 const HALVES: [[&str; 3]; 2] = [["half_a.R", "half_a.G", "half_a.B"], ["half_b.R", "half_b.G", "half_b.B"]];
 
+/// Attribute that references have, and other pictures do not.
+const ABOUT: &str = "parhelion:reference";
+
+/// The two independent pictures that a reference is the mean of, three channels each.
+///
+/// Other pictures have none: what a render calls halves is every other sample of a stratified set.
+#[must_use]
+pub fn halves(picture: &ReadPicture) -> Option<[Vec<f32>; 2]> {
+    picture.attributes.get(ABOUT)?;
+    let [a, b] = HALVES.each_ref().map(|names| picture.interleaved(names));
+    Some([a?, b?])
+}
+
 impl Reference {
     /// Reads a picture of `size` pixels, with its halves where it has them.
     ///
@@ -116,18 +129,16 @@ impl Reference {
         if mean.data.iter().all(|&value| value == 0.0) {
             return Err(unfit("black: relative errors have nothing to relate to".into()));
         }
-        let text = |key: &str| match picture.attributes.get(key) {
-            Some(Attribute::Text(text)) => Some(text.clone()),
-            _ => None,
-        };
         let spp = match picture.attributes.get("parhelion:samples") {
             Some(Attribute::Number(samples)) => Some(*samples as u32),
             _ => None,
         };
-        let about = text("parhelion:reference").unwrap_or_else(|| format!("the picture {}", file.display()));
-        // What a render calls its halves are every other sample: of a stratified set, and so not independent.
-        let own = text("parhelion:reference").is_some();
-        let halves = layer(&HALVES[0]).zip(layer(&HALVES[1])).filter(|_| own).map(|(a, b)| [a, b]);
+        let about = match picture.attributes.get(ABOUT) {
+            Some(Attribute::Text(text)) => text.clone(),
+            _ => format!("the picture {}", file.display()),
+        };
+        let halves =
+            halves(&picture).map(|halves| halves.map(|data| Layer { width, height, channels: 3, data }));
         Ok(Self { layer: mean, halves, about, spp })
     }
 
@@ -156,7 +167,7 @@ impl Reference {
             channels.push(Channels { names: names(half_names), data: &half.data });
         }
         let attributes = vec![
-            ("parhelion:reference", Attribute::Text(self.about.clone())),
+            (ABOUT, Attribute::Text(self.about.clone())),
             ("parhelion:identity", Attribute::Text(identity.into())),
             ("parhelion:asked", Attribute::Number(asked.into())),
             ("parhelion:samples", Attribute::Number(self.spp.unwrap_or_default().into())),

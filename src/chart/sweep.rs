@@ -4,15 +4,15 @@
 use super::answer::{answers, front_of};
 use super::data::{self, Chart, Failure, MetricInfo, PassTime, Point, Spread};
 use super::grid::Setting;
-use super::journal::{Entry, Header, Journal};
-use super::{Reference, picture, report, table};
+use super::journal::{Entry, Header, Journal, Mean};
+use super::{Reference, mean, picture, report, table};
 use crate::ErrorClass;
 use crate::config::RenderConfig;
-use crate::metrics::{self, Errors, FlipMap};
+use crate::metrics::{self, Errors, FlipMap, ReferenceNoise, SeedError, SeedErrors};
 use crate::output::{self, Channels, Picture, magma};
 use crate::page;
 use crate::read;
-use crate::renderer::{self, FrameRequest, Progress, Renderer};
+use crate::renderer::{self, FrameRequest, Layer, Progress, Renderer};
 use crate::scene::{Camera, Feature, SceneProfile};
 use std::collections::BTreeMap;
 use std::fs;
@@ -83,11 +83,14 @@ pub const JOURNAL: &str = "journal.jsonl";
 /// Folder of pictures in the report's.
 pub const PICTURES: &str = "pictures";
 
+/// Folder of means over seeds, from which another sweep goes on.
+pub const MEANS: &str = "means";
+
 /// Files of a report beside its pictures.
 pub const FILES: [&str; 4] = ["data.json", "data.csv", "index.html", JOURNAL];
 
 /// What is measured, the one shown first first: key, label, sentence, whether it has a sign.
-const METRICS: [(&str, &str, &str, bool); 8] = [
+const METRICS: [(&str, &str, &str, bool); 9] = [
     (
         "rel_mse",
         "relMSE",
@@ -98,6 +101,12 @@ const METRICS: [(&str, &str, &str, bool); 8] = [
         "rel_mse_trimmed",
         "relMSE, trimmed",
         "Without the largest 0.1 % of its terms: fireflies put aside.",
+        false,
+    ),
+    (
+        "rel_mse_blocks",
+        "relMSE, blocks",
+        "Of the means of blocks of 32x32 pixels: grain averages out, light that is missing over an area does not.",
         false,
     ),
     ("flip", "HDR-FLIP", "What a person sees who flips between picture and reference, 0 to 1.", false),
@@ -114,7 +123,7 @@ const METRICS: [(&str, &str, &str, bool); 8] = [
 ];
 
 /// Measures, writing the report to the folder whenever every setting has one more seed, and at the end: `data.json`,
-/// `data.csv`, `index.html`, pictures, and [`JOURNAL`], from which another sweep of the same scene and folder goes on.
+/// `data.csv`, `index.html`, pictures, and [`JOURNAL`] and [`MEANS`], from which another sweep of the same scene and folder goes on.
 ///
 /// A sweep that is cancelled, or reaches its deadline, leaves a chart of what is finished.
 ///
@@ -127,8 +136,9 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
         Ok(journal) => journal,
         Err(problem) => return Err(Error::Other { file, problem }),
     };
-    let pictures = sweep.folder.join(PICTURES);
-    fs::create_dir_all(&pictures).map_err(|source| output::Error { file: pictures, source })?;
+    for folder in [PICTURES, MEANS].map(|name| sweep.folder.join(name)) {
+        fs::create_dir_all(&folder).map_err(|source| output::Error { file: folder, source })?;
+    }
     let exposure = picture::exposure(&sweep.reference.layer.data);
     let show = picture::display(&sweep.reference.layer.data, exposure);
     write_jpeg(sweep, &reference_image(), &show)?;
@@ -165,7 +175,13 @@ pub fn run(renderer: &mut Renderer, sweep: &Sweep<'_>) -> Result<Chart, Error> {
                 break;
             }
             match measure(renderer, sweep, setting, &config, &mut steps) {
-                Ok(Measured::Entry(entry)) => journal.add(*entry)?,
+                Ok(Measured::Entry(mut entry, image)) => {
+                    entry.mean = match journal.find(&config, false) {
+                        Some(before) => before.mean,
+                        None => mean_to(sweep, setting, turn, &header, &image)?,
+                    };
+                    journal.add(*entry)?;
+                }
                 Ok(Measured::Cancelled) => break,
                 Ok(Measured::Failed(problem)) => drop(failures.insert(&setting.id, problem)),
                 Err(error) => return Err(error.into()),
@@ -197,7 +213,8 @@ fn header(renderer: &Renderer, sweep: &Sweep<'_>) -> Header {
 }
 
 enum Measured {
-    Entry(Box<Entry>),
+    /// … and its picture.
+    Entry(Box<Entry>, Vec<f32>),
     Failed(String),
     Cancelled,
 }
@@ -256,7 +273,7 @@ fn measure(
         output::write_exr(&sweep.folder.join(exr_name(setting)), &picture)?;
     }
     let pass = |pass: renderer::PassStats| Some(PassTime { path: pass.path, ms: pass.ms? });
-    Ok(Measured::Entry(Box::new(Entry {
+    let entry = Entry {
         config: config.clone(),
         ms: frame.total_ms.unwrap_or(frame.wall_ms),
         general_ms: frame.beside_ms.first().copied(),
@@ -264,7 +281,25 @@ fn measure(
         rays: frame.rays,
         device_bytes: frame.peak_device_bytes,
         metrics: values(&errors),
-    })))
+        mean: None,
+    };
+    Ok(Measured::Entry(Box::new(entry), frame.beauty.data))
+}
+
+/// The mean of all seeds' pictures up to this turn's, where those before are there.
+fn mean_to(
+    sweep: &Sweep<'_>,
+    setting: &Setting,
+    turn: u32,
+    header: &Header,
+    image: &[f32],
+) -> Result<Option<Mean>, output::Error> {
+    let file = sweep.folder.join(MEANS).join(format!("{}.exr", setting.id));
+    let first = RenderConfig { seed: sweep.seed, ..setting.config.clone() };
+    let identity = serde_json::to_string(&(header, first))
+        .map_err(|error| output::Error { file: file.clone(), source: error.into() })?;
+    let rel_mse = mean::with(&file, &identity, turn, image, &sweep.reference.layer)?;
+    Ok(rel_mse.map(|rel_mse| Mean { from: sweep.seed, rel_mse }))
 }
 
 /// By the keys of [`METRICS`].
@@ -272,6 +307,7 @@ fn values(errors: &Errors) -> BTreeMap<String, f64> {
     let values = [
         ("rel_mse", Some(errors.rel_mse)),
         ("rel_mse_trimmed", Some(errors.rel_mse_trimmed)),
+        ("rel_mse_blocks", Some(errors.rel_mse_blocks)),
         ("flip", errors.flip),
         ("mape", Some(errors.mape)),
         ("smape", Some(errors.smape)),
@@ -284,33 +320,43 @@ fn values(errors: &Errors) -> BTreeMap<String, f64> {
 
 /// The reference's own share of squared errors, by the same keys.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Noise(BTreeMap<&'static str, f64>);
+pub(super) struct Noise {
+    squares: BTreeMap<&'static str, f64>,
+    own: Option<ReferenceNoise>,
+}
 
 impl Noise {
     pub(super) fn of(reference: &Reference) -> Self {
         let peak = metrics::peak(&reference.layer.data);
         let mse = |a: &[f32], b: &[f32]| metrics::mse(a, b) / (peak * peak);
+        let Layer { width, data, .. } = &reference.layer;
+        let own = |[half, _]: &[Layer; 2]| ReferenceNoise::of(&half.data, data, *width as usize, 3);
+        let own = reference.halves.as_ref().map(own);
         let noise = [
-            ("rel_mse", reference.noise(metrics::rel_mse)),
+            ("rel_mse", own.map(|own| own.rel_mse)),
+            ("rel_mse_blocks", own.map(|own| own.rel_mse_blocks)),
             ("rel_mse_trimmed", reference.noise(metrics::rel_mse_trimmed)),
             ("rmse", reference.noise(mse)),
         ];
-        Self(noise.into_iter().filter_map(|(key, value)| Some((key, value?))).collect())
+        Self { squares: noise.into_iter().filter_map(|(key, value)| Some((key, value?))).collect(), own }
     }
 
-    /// A measured value without it: what is lower than a tenth of it says nothing.
+    /// A measured value without it, by [`metrics::without_noise`].
     pub(super) fn subtracted(&self, key: &str, value: f64) -> f64 {
-        let without = |square: f64, noise: f64| (square - noise).max(0.1 * square);
-        match self.0.get(key) {
-            Some(noise) if key == "rmse" => without(value * value, *noise).sqrt(),
-            Some(noise) => without(value, *noise),
+        match self.squares.get(key) {
+            Some(noise) if key == "rmse" => metrics::without_noise(value * value, *noise).sqrt(),
+            Some(noise) => metrics::without_noise(value, *noise),
             None => value,
         }
     }
 
     /// Whether an error stands ten times above it.
     fn ranks(&self, rel_mse: f64) -> bool {
-        self.0.get("rel_mse").is_none_or(|noise| rel_mse >= 10.0 * noise)
+        self.rel_mse().is_none_or(|noise| rel_mse >= 10.0 * noise)
+    }
+
+    fn rel_mse(&self) -> Option<f64> {
+        self.own.map(|own| own.rel_mse)
     }
 }
 
@@ -331,7 +377,7 @@ fn chart(
     let complete = measured.iter().all(|(setting, entries)| {
         entries.len() as u32 == sweep.seeds || failures.contains_key(setting.id.as_str())
     });
-    let points = measured.iter().filter_map(|(setting, entries)| point(setting, entries, &noise));
+    let points = measured.iter().filter_map(|(setting, entries)| point(setting, entries, sweep.seed, &noise));
     let mut points: Vec<Point> = points.collect();
     for index in front_of(&points, "rel_mse") {
         let point = &mut points[index];
@@ -365,11 +411,12 @@ fn chart(
         reference: data::Reference {
             about: sweep.reference.about.clone(),
             spp: sweep.reference.spp,
-            noise: noise.0.get("rel_mse").copied(),
+            noise: noise.rel_mse(),
+            bias_se: noise.own.map(|own| own.bias_se),
             image: reference_image(),
         },
         metrics: METRICS.iter().map(info_of).collect(),
-        answers: answers(&points, noise.0.get("rel_mse").copied()),
+        answers: answers(&points, noise.rel_mse()),
         points,
         complete,
         failures: sweep.settings.iter().filter_map(failed).collect(),
@@ -377,7 +424,7 @@ fn chart(
     }
 }
 
-fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> {
+fn point(setting: &Setting, entries: &[&Entry], seed: u32, noise: &Noise) -> Option<Point> {
     let first = entries.first()?;
     let spread = |value: &dyn Fn(&Entry) -> Option<f64>| {
         Spread::of(entries.iter().filter_map(|entry| value(entry)).collect())
@@ -402,6 +449,7 @@ fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> 
         rays: first.rays,
         device_bytes: entries.iter().map(|entry| entry.device_bytes).max()?,
         metrics: METRICS.iter().filter_map(|(key, ..)| of(key)).collect(),
+        over_seeds: over_seeds(entries, seed, noise),
         ranked: noise.ranks(measured.median),
         general_ms: spread(&|entry| entry.general_ms).map(|spread| spread.median),
         image: image_key(setting),
@@ -410,16 +458,27 @@ fn point(setting: &Setting, entries: &[&Entry], noise: &Noise) -> Option<Point> 
     })
 }
 
+/// Of seeds one after another from `seed` on; those that a sweep was cut short before are not there.
+fn over_seeds(entries: &[&Entry], seed: u32, noise: &Noise) -> Option<SeedErrors> {
+    let error = |entry: &&Entry| {
+        let [rel_mse, signed_bias, rel_mse_blocks] =
+            ["rel_mse", "signed_bias", "rel_mse_blocks"].map(|key| entry.metrics.get(key).copied());
+        Some(SeedError { rel_mse: rel_mse?, signed_bias: signed_bias?, rel_mse_blocks: rel_mse_blocks? })
+    };
+    let errors: Vec<SeedError> = entries.iter().map(error).collect::<Option<_>>()?;
+    let last = entries.last()?;
+    let whole = last.config.seed.wrapping_sub(seed) as usize + 1 == entries.len();
+    let mean = last.mean.filter(|mean| whole && mean.from == seed);
+    SeedErrors::of(&errors, mean.map(|mean| mean.rel_mse), &noise.own.unwrap_or_default())
+}
+
 impl Spread {
     /// Of no measurements there is none.
     #[must_use]
-    pub fn of(mut values: Vec<f64>) -> Option<Self> {
-        values.sort_by(f64::total_cmp);
-        let (&min, &max) = (values.first()?, values.last()?);
-        let middle = values.len() / 2;
-        let median =
-            if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) };
-        Some(Self { median, min, max })
+    pub fn of(values: Vec<f64>) -> Option<Self> {
+        let ends = |end: fn(f64, f64) -> f64| values.iter().copied().reduce(end);
+        let (min, max) = (ends(f64::min)?, ends(f64::max)?);
+        Some(Self { median: metrics::median(values)?, min, max })
     }
 }
 
@@ -518,7 +577,6 @@ fn cost(Setting { config, general, .. }: &Setting) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::renderer::Layer;
 
     #[test]
     fn the_median_lies_between_and_of_nothing_is_none() {
@@ -549,7 +607,7 @@ mod tests {
         let found = Noise::of(&reference);
         // Half the variance of a uniform number 0.2 wide.
         let variance = 0.2_f64.powi(2) / 12.0 / 2.0;
-        assert!((found.0["rel_mse"] / (variance / 1.01) - 1.0).abs() < 0.05, "{found:?}");
+        assert!((found.squares["rel_mse"] / (variance / 1.01) - 1.0).abs() < 0.05, "{found:?}");
         let measure = |level: f32| metrics::rel_mse(&vec![level; count], &reference.layer.data);
         assert!(!found.ranks(measure(1.0)) && found.ranks(measure(1.5)));
         // 67 % too much before.

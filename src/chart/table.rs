@@ -2,10 +2,11 @@
 
 use super::answer::front_of;
 use super::data::{Chart, Spread};
+use crate::metrics::SeedErrors;
 use std::collections::BTreeSet;
 
 /// A line of names, then one for each point: what it is, what it took, also by a general pipeline and what the special
-/// one gains, its errors, its settings. Cells of what a point does not have are empty.
+/// one gains, its errors, those over seeds, its settings. Cells of what a point does not have are empty.
 pub(super) fn csv(chart: &Chart) -> String {
     let keys: BTreeSet<&String> = chart.points.iter().flat_map(|point| point.settings.keys()).collect();
     let front = front_of(&chart.points, "rel_mse");
@@ -16,6 +17,7 @@ pub(super) fn csv(chart: &Chart) -> String {
     head.extend(spreads("ms"));
     head.extend(["general_ms", "gain"].map(String::from));
     chart.metrics.iter().for_each(|metric| head.extend(spreads(&metric.key)));
+    head.extend(["mean_bias", "mean_bias_se", "rel_mse_of_mean", "systematic"].map(String::from));
     head.extend(keys.iter().map(|key| (*key).clone()));
     let mut text = line(&head);
     for (index, point) in chart.points.iter().enumerate() {
@@ -38,6 +40,14 @@ pub(super) fn csv(chart: &Chart) -> String {
         let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         cells.extend([point.general_ms, gain].map(number));
         chart.metrics.iter().for_each(|metric| cells.extend(spread(point.metrics.get(&metric.key))));
+        let over_seeds = point.over_seeds;
+        let of = |value: fn(&SeedErrors) -> Option<f64>| number(over_seeds.as_ref().and_then(value));
+        cells.extend([
+            of(|errors| Some(errors.bias)),
+            of(|errors| errors.bias_se),
+            of(|errors| errors.rel_mse_of_mean),
+            of(|errors| errors.systematic),
+        ]);
         cells.extend(keys.iter().map(|key| match point.settings.get(*key) {
             Some(serde_json::Value::String(word)) => word.clone(),
             Some(value) => value.to_string(),

@@ -445,18 +445,20 @@ pub(super) struct Methods {
 
 #[derive(clap::Args)]
 pub(super) struct Compare {
-    /// Picture to judge, linear radiance.
-    #[arg(value_name = "A.exr")]
-    pub(super) image: PathBuf,
-    /// Picture to judge it by.
-    #[arg(value_name = "REF.exr")]
+    /// Picture to judge, linear radiance; several are one method's, by different seeds.
+    ///
+    /// Of several it tells median and worst relMSE, bias ± its standard error, what is systematic, relMSE of blocks.
+    #[arg(value_name = "A.exr", required = true)]
+    pub(super) images: Vec<PathBuf>,
+    /// Picture to judge by.
+    #[arg(value_name = "REF.exr", required = true)]
     pub(super) reference: PathBuf,
     /// Layer to compare, such as indirect or depth [default: the picture].
     #[arg(long, value_name = "NAME", help_heading = PICTURE)]
     pub(super) layer: Option<String>,
     /// Write the error of each pixel as a picture.
     ///
-    /// HDR-FLIP; relative error of layers that do not have three channels.
+    /// HDR-FLIP; relative error of layers that do not have three channels. Of several pictures it is that of their mean.
     #[arg(short, long = "output", value_name = "ERROR.png", help_heading = OUTPUT)]
     pub(super) output: Option<PathBuf>,
     /// Say whether all channels have the same bits, and no more.
@@ -662,7 +664,7 @@ mod tests {
             ("--size", format!("{width}x{height}")),
             ("--method", config.method.name.to_owned()),
             ("--vpls", config.vpl_shoot.vpls.to_string()),
-            ("--bounces", config.vpl_shoot.bounces.to_string()),
+            ("--bounces", "auto, chance ends paths".into()),
             ("--visibility", config.indirect.visibility.name().into()),
             ("--pixel-samples", config.pixel_samples.to_string()),
             ("--spp", config.path_trace.spp.to_string()),

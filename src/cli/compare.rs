@@ -4,11 +4,13 @@ use super::args::Compare;
 use super::failure::{Failure, input};
 use super::print::print;
 use crate::ErrorClass;
-use crate::metrics::{self, Errors, FlipMap};
+use crate::chart;
+use crate::metrics::{self, Errors, FlipMap, ReferenceNoise, SeedErrors, Seeds};
 use crate::output::{self, ReadPicture, extension, magma};
 use crate::text;
+use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Compare) -> Result<(), Failure> {
     if let Some(file) = &args.output {
@@ -17,37 +19,53 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
         }
         output::check_writable(file).map_err(Failure::input)?;
     }
-    let image = read(&args.image)?;
     let reference = read(&args.reference)?;
-    let (file, other) = (args.image.display(), args.reference.display());
-    let size = |[width, height]: [u32; 2]| format!("{width}x{height} pixels");
-    if image.size != reference.size {
-        return Err(input!("{file}: {}, {other} has {}", size(image.size), size(reference.size)));
-    }
-    if image.window != reference.window {
-        let (there, here) = (image.window, reference.window);
-        return Err(input!("{file}: holds the window {there:?}, {other} {here:?} (x0, y0, x1, y1)"));
-    }
     if args.exact {
-        return exact(args, &image, &reference);
+        return args
+            .images
+            .iter()
+            .try_for_each(|file| exact(file, &fitting(file, &reference, args)?, args, &reference));
     }
-    let names = channels(&image, &args.image, args.layer.as_deref())?;
-    if let Some(name) = names.iter().find(|name| !reference.channels.contains_key(**name)) {
-        return Err(input!("{other}: no channel {name}, which {file} has; {}", there(&reference)));
-    }
+    let (first, more) = args.images.split_first().ok_or_else(|| input!("no picture"))?;
+    let image = fitting(first, &reference, args)?;
+    let names = channels(&image, first, args.layer.as_deref())?;
     let pixels = |picture: &ReadPicture, file: &Path| {
+        if let Some(name) = names.iter().find(|name| !picture.channels.contains_key(**name)) {
+            let (file, first) = (file.display(), first.display());
+            return Err(input!("{file}: no channel {name}, which {first} has; {}", there(picture)));
+        }
         finite(picture, file, &names)?;
         Ok::<_, Failure>(picture.interleaved(&names).unwrap_or_default())
     };
-    let (a, b) = (pixels(&image, &args.image)?, pixels(&reference, &args.reference)?);
-
+    let truth = pixels(&reference, &args.reference)?;
     let width = (image.window[2] - image.window[0]) as usize;
-    let (errors, map) = metrics::errors(&a, &b, width, names.len());
-    let mut text = if args.json { json(args, &image, &names, &errors) } else { table(&errors) };
+    let mut a = pixels(&image, first)?;
+    let (mut text, map) = if more.is_empty() {
+        let (errors, map) = metrics::errors(&a, &truth, width, names.len());
+        let told = [("errors", json!(errors))];
+        (if args.json { json(args, &image, &names, &told) } else { table(&errors) }, map)
+    } else {
+        let mut seeds = Seeds::new(&truth, width, names.len());
+        seeds.add(&a);
+        for file in more {
+            seeds.add(&pixels(&fitting(file, &reference, args)?, file)?);
+        }
+        a = seeds.mean();
+        let halves = chart::reference::halves(&reference).filter(|_| args.layer.is_none());
+        let noise = halves.map(|[half, _]| ReferenceNoise::of(&half, &truth, width, names.len()));
+        let errors = seeds.errors(&noise.unwrap_or_default()).ok_or_else(|| input!("no picture"))?;
+        let told = [("over_seeds", json!(errors)), ("reference_noise", json!(noise))];
+        let text = if args.json {
+            json(args, &image, &names, &told)
+        } else {
+            line(args.images.len(), &errors, noise.as_ref())
+        };
+        (text, (args.output.is_some() && names.len() == 3).then(|| metrics::flip(&a, &truth, width)))
+    };
     if let Some(file) = &args.output {
         let (what, map) = match map {
             Some(FlipMap { map }) => ("HDR-FLIP", map),
-            None => ("relative error", metrics::relative_errors(&a, &b, names.len())),
+            None => ("relative error", metrics::relative_errors(&a, &truth, names.len())),
         };
         let mapping = format!("{what} from 0 to 1 in the colours of magma");
         let pixels: Vec<u8> = map
@@ -66,9 +84,24 @@ pub(super) fn run(args: &Compare) -> Result<(), Failure> {
     print(&text)
 }
 
+/// A picture of the reference's size and window.
+fn fitting(path: &Path, reference: &ReadPicture, args: &Compare) -> Result<ReadPicture, Failure> {
+    let image = read(path)?;
+    let (file, other) = (path.display(), args.reference.display());
+    let size = |[width, height]: [u32; 2]| format!("{width}x{height} pixels");
+    if image.size != reference.size {
+        return Err(input!("{file}: {}, {other} has {}", size(image.size), size(reference.size)));
+    }
+    if image.window != reference.window {
+        let (there, here) = (image.window, reference.window);
+        return Err(input!("{file}: holds the window {there:?}, {other} {here:?} (x0, y0, x1, y1)"));
+    }
+    Ok(image)
+}
+
 /// Fails where a channel is missing or differs in a bit; what the files say about themselves may differ.
-fn exact(args: &Compare, image: &ReadPicture, reference: &ReadPicture) -> Result<(), Failure> {
-    let (file, other) = (args.image.display(), args.reference.display());
+fn exact(file: &Path, image: &ReadPicture, args: &Compare, reference: &ReadPicture) -> Result<(), Failure> {
+    let (file, other) = (file.display(), args.reference.display());
     let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     for name in image.channels.keys().chain(reference.channels.keys()) {
         let differ = match (image.channels.get(name), reference.channels.get(name)) {
@@ -143,6 +176,10 @@ fn table(errors: &Errors) -> String {
     };
     line("relMSE", format!("{:.6}", errors.rel_mse));
     line("  trimmed", format!("{:.6} (without the largest 0.1 % of its terms)", errors.rel_mse_trimmed));
+    line(
+        "  blocks",
+        format!("{:.6} (of means of blocks of {1}x{1} pixels)", errors.rel_mse_blocks, metrics::BLOCK),
+    );
     line("MAPE", format!("{:.3} %", 100.0 * errors.mape));
     line("SMAPE", format!("{:.3} %", 100.0 * errors.smape));
     line("bias", format!("{:+.3} %", 100.0 * errors.signed_bias));
@@ -156,15 +193,46 @@ fn table(errors: &Errors) -> String {
     text
 }
 
-fn json(args: &Compare, image: &ReadPicture, names: &[&str], errors: &Errors) -> String {
-    let object = serde_json::json!({
-        "parhelion": env!("CARGO_PKG_VERSION"),
-        "image": args.image.display().to_string(),
-        "reference": args.reference.display().to_string(),
-        "size": image.size,
-        "window": image.window,
-        "channels": names,
-        "errors": errors,
-    });
+/// How the error of a method is stated, as one line.
+fn line(count: usize, errors: &SeedErrors, noise: Option<&ReferenceNoise>) -> String {
+    let SeedErrors { rel_mse, rel_mse_worst, rel_mse_blocks, .. } = errors;
+    let percent = |share: f64| format!("{:.3} %", 100.0 * share);
+    let mut text = format!(
+        "{count} seeds: relMSE {rel_mse:.6} (worst {rel_mse_worst:.6}), bias {}{}",
+        if errors.bias < 0.0 { "" } else { "+" },
+        percent(errors.bias)
+    );
+    if let Some(se) = errors.bias_se {
+        let _ = write!(text, " ± {}", percent(se));
+    }
+    if let (Some(systematic), Some(of_mean)) = (errors.systematic, errors.rel_mse_of_mean) {
+        let _ = write!(text, ", systematic {systematic:.6} (mean of seeds {of_mean:.6})");
+    }
+    let _ = write!(text, ", blocks {rel_mse_blocks:.6}");
+    if let Some(ReferenceNoise { rel_mse, bias_se, .. }) = noise {
+        let _ = write!(
+            text,
+            "; the reference's own noise, relMSE {rel_mse:.6}, is taken off, its bias ± {}",
+            percent(*bias_se)
+        );
+    }
+    text.push('\n');
+    text
+}
+
+fn json(args: &Compare, image: &ReadPicture, names: &[&str], found: &[(&str, Value)]) -> String {
+    let path = |file: &PathBuf| file.display().to_string();
+    let mut object = json!({ "parhelion": env!("CARGO_PKG_VERSION") });
+    match &args.images[..] {
+        [image] => object["image"] = path(image).into(),
+        images => object["images"] = images.iter().map(path).collect(),
+    }
+    object["reference"] = path(&args.reference).into();
+    object["size"] = json!(image.size);
+    object["window"] = json!(image.window);
+    object["channels"] = json!(names);
+    for (key, value) in found {
+        object[*key] = value.clone();
+    }
     format!("{}\n", text::json(&format!("{object:#}")))
 }

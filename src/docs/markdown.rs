@@ -2,7 +2,7 @@
 
 use super::ways::Way;
 use super::{Error, Measurements, small};
-use crate::chart::answer::{error_of, front_of, significant};
+use crate::chart::answer::{bias_of, error_of, front_of, significant};
 use crate::chart::data::{Answer, Chart, Point, Spread};
 use crate::chart::svg::svg;
 use crate::config::{ConfigError, Preset};
@@ -70,8 +70,12 @@ fn write_page(
         None => text.push_str("- No run of `parhelion stress` was given: known failures are left out.\n"),
     }
     text.push_str(
-        "\nErrors are of the whole picture against the chart's reference, medians over seeds with their range; times are of \
-         one warm frame. Bias below 0 is light that is lost.\n\n",
+        "\nErrors are of the whole picture against the chart's reference, medians over seeds with their range, the last of \
+         which is the worst seed's; times are of one warm frame. Bias is the mean over seeds ± its standard error, by how \
+         seeds differ; below 0 light is lost. Systematic is relMSE of the mean over seeds without the variance that is left \
+         in it, (n · relMSE of the mean − mean of relMSE) / (n − 1) with n seeds: what no number of seeds takes away, and \
+         below 0 where none shows. The reference's own noise is taken off both. Blocks are of 32×32 pixels: relMSE of their \
+         means, in which grain averages out.\n\n",
     );
     for index in 0..ways.len() {
         section(&mut text, &ways, index, &rooms, measured.stress.as_ref(), folder, files)?;
@@ -282,7 +286,9 @@ fn numbers(text: &mut String, charted: &[(&Room<'_>, &Point)]) {
     let rows = known
         .iter()
         .map(|(key, label, _)| row(&markdown(label), &|room, point| error(room.chart, point, key)));
-    table(text, &head("error"), rows.collect::<Vec<_>>());
+    let mut rows: Vec<_> = rows.collect();
+    rows.push(row("systematic", &|_, point| systematic(point)));
+    table(text, &head("error"), rows);
 }
 
 /// Passes that take a hundredth of the time or more.
@@ -296,9 +302,16 @@ fn error(chart: &Chart, point: &Point, key: &str) -> String {
     let Some(found) = point.metrics.get(key) else { return "–".into() };
     match (key, error_of(point, chart.reference.noise)) {
         ("rel_mse", Some((error, false))) => format!("about {}, not ranked", number(error)),
-        ("signed_bias", _) => spread(found, percent),
+        ("signed_bias", _) => match bias_of(point).filter(|_| point.over_seeds.is_some()) {
+            Some(bias) => bias,
+            None => spread(found, percent),
+        },
         _ => spread(found, number),
     }
+}
+
+fn systematic(point: &Point) -> String {
+    point.over_seeds.and_then(|errors| errors.systematic).map_or("–".into(), number)
 }
 
 /// What a way fails at: of a preset in full what is not its method's own.
@@ -363,13 +376,13 @@ fn charted(text: &mut String, room: &Room<'_>, folder: &str, files: &mut Vec<(St
     let _ = writeln!(text, "![{title}: error against time, the front as steps]({folder}/{slug}.svg)\n");
     files.push((format!("{slug}.svg"), svg(chart).into_bytes()));
     let front = front_of(&chart.points, "rel_mse");
-    let keys = ["rel_mse", "signed_bias", "flip"];
+    let keys = ["rel_mse", "rel_mse_blocks", "signed_bias", "flip"];
     let metrics: Vec<_> =
         keys.iter().filter_map(|key| chart.metrics.iter().find(|metric| metric.key == *key)).collect();
     let labels: Vec<String> = metrics.iter().map(|metric| markdown(&metric.label)).collect();
     let mut head = vec!["setting", "ms"];
     head.extend(labels.iter().map(String::as_str));
-    head.extend(["million rays", "standing"]);
+    head.extend(["systematic", "million rays", "standing"]);
     let rows = chart.points.iter().enumerate().map(|(index, point)| {
         let standing = match (front.contains(&index), point.ranked) {
             (true, _) => "front",
@@ -380,7 +393,7 @@ fn charted(text: &mut String, room: &Room<'_>, folder: &str, files: &mut Vec<(St
         cells.extend(metrics.iter().map(|metric| {
             match (metric.key.as_str(), point.metrics.get(&metric.key)) {
                 (_, None) => "–".into(),
-                ("signed_bias", Some(bias)) => percent(bias.median),
+                ("signed_bias", _) => bias_of(point).unwrap_or_else(|| "–".into()),
                 ("rel_mse", _) => error_of(point, chart.reference.noise)
                     .map_or("–".into(), |(error, known)| {
                         format!("{}{}", if known { "" } else { "about " }, number(error))
@@ -388,7 +401,7 @@ fn charted(text: &mut String, room: &Room<'_>, folder: &str, files: &mut Vec<(St
                 (_, Some(error)) => number(error.median),
             }
         }));
-        cells.extend([number(point.rays as f64 / 1e6), standing.into()]);
+        cells.extend([systematic(point), number(point.rays as f64 / 1e6), standing.into()]);
         cells
     });
     table(text, &head, rows.collect::<Vec<_>>());

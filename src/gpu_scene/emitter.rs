@@ -1,11 +1,17 @@
 //! What light is chosen by: the power of emissive triangles and of the environment, in 64 bits.
 
+use super::light_tree::Bounds;
 use crate::accel::Geometry;
 use crate::sampling::halton;
 use crate::scene::{Environment, Filter, Image, Material, Scene, TextureRef, Wrap, srgb_to_linear};
 use crate::shaders::LightChoice;
-use glam::{DVec3, Vec2};
+use glam::{DVec3, Mat3A, Vec2};
 use std::f64::consts::PI;
+
+/// −1 where a placement turns front and back round, else 1.
+pub(super) fn orientation(matrix: Mat3A) -> f32 {
+    if matrix.determinant() < 0.0 { -1.0 } else { 1.0 }
+}
 
 /// An emissive triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +20,7 @@ pub(super) struct Emitter {
     pub(super) primitive: u32,
     /// W, all channels.
     pub(super) power: f64,
+    pub(super) bounds: Bounds,
 }
 
 /// Mean power over area (W/m², all channels) that each triangle of `geometry` emits, both sides where it has two. Empty
@@ -44,17 +51,26 @@ pub(super) fn weights(scene: &Scene, geometry: &Geometry) -> Vec<f32> {
 }
 
 /// All triangles in the world that emit.
-pub(super) fn emitters(geometry: &Geometry, weights: &[f32]) -> Vec<Emitter> {
+pub(super) fn emitters(scene: &Scene, geometry: &Geometry, weights: &[f32]) -> Vec<Emitter> {
     if weights.is_empty() {
         return Vec::new();
     }
     let power = |triangle: crate::accel::WorldTriangle| {
-        let range = geometry.meshes[geometry.instances[triangle.instance as usize].mesh as usize];
-        let weight = weights[(range.first_triangle + triangle.primitive) as usize];
-        let [a, b, c] = triangle.vertices.map(|v| v.as_dvec3());
-        let power = f64::from(weight) * 0.5 * (b - a).cross(c - a).length();
+        let placed = &geometry.instances[triangle.instance as usize];
+        let index = (geometry.meshes[placed.mesh as usize].first_triangle + triangle.primitive) as usize;
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let [a, b, c] = corners;
+        let power = f64::from(weights[index]) * 0.5 * (b - a).cross(c - a).length();
         let (instance, primitive) = (triangle.instance, triangle.primitive);
-        (power > 0.0).then_some(Emitter { instance, primitive, power })
+        let source = geometry.source[index];
+        let material = scene.meshes[source.mesh as usize].materials[source.triangle as usize];
+        let two_sided = scene.materials[material as usize].double_sided;
+        // Merged triangles have been placed before.
+        let merged = &scene.instances[source.instance as usize].transform;
+        let side = orientation(if instance == 0 { merged.matrix3 } else { placed.transform.matrix3 });
+        let intensity = power / if two_sided { 2.0 * PI } else { PI };
+        let bounds = Bounds::of_triangle(corners, f64::from(side), two_sided, intensity);
+        (power > 0.0).then_some(Emitter { instance, primitive, power, bounds })
     };
     geometry.world_triangles().filter_map(power).collect()
 }

@@ -1,6 +1,7 @@
-//! A scene's shading data on a device: what `glsl/lib/surface.glsl` and `glsl/lib/lights.glsl` read.
+//! A scene's shading data on a device: what `glsl/lib/surface.glsl`, `lights.glsl` and `light_sampler.glsl` read.
 
 mod emitter;
+mod light_tree;
 
 use crate::accel::Geometry;
 use crate::scene::{
@@ -8,16 +9,24 @@ use crate::scene::{
     Wrap,
 };
 use crate::shaders::{
-    self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
+    self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LightSet, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
     MATERIAL_DOUBLE_SIDED, MATERIAL_SHEER, MATERIAL_SLAB, MATERIAL_SOLID, MATERIAL_UNLIT, NO_TEXTURE,
     SceneData, TEXTURE_DEEP, TEXTURE_NEAREST, TEXTURE_SRGB, TEXTURE_UV1, TEXTURE_WRAP_CLAMP,
     TEXTURE_WRAP_MIRROR, TEXTURE_WRAP_U_SHIFT, TEXTURE_WRAP_V_SHIFT, TRIANGLE_MIRRORED,
 };
 use crate::vk;
-use emitter::{Emitter, EnvironmentTable};
-use glam::{Mat3, Mat3A, Vec2, Vec3, Vec4};
+use emitter::{Emitter, EnvironmentTable, orientation};
+use glam::{Mat3, Vec2, Vec3, Vec4};
+use light_tree::{Bounds, DELTA_ROOT, EMITTER_ROOT, JOINT_ROOT, Subtree};
 use std::f32::consts::PI;
 use std::sync::Arc;
+
+/// Lights without size up to which a point asks each of them; of more it samples some by the tree.
+pub(crate) const MOST_ASKED_LIGHTS: u32 = 8;
+
+/// Least probability of the tree, and of what is infinitely far away, where there is both: what either is thought to give
+/// is a mean over the scene.
+const LEAST_SHARE: f64 = 0.25;
 
 /// Buffers that live as long as the scene, and their addresses.
 #[derive(Clone, Debug)]
@@ -25,7 +34,11 @@ pub struct GpuScene {
     buffers: Vec<Arc<vk::Buffer>>,
     lights: Option<Arc<vk::Buffer>>,
     light_choices: Option<Arc<vk::Buffer>>,
+    light_nodes: Option<Arc<vk::Buffer>>,
     emitters: Arc<[Emitter]>,
+    emitter_tree: Arc<Subtree>,
+    /// Whether any material emits.
+    emission: bool,
     /// Power of the environment (W, all channels), and of what of it exceeds its mean; 0 without one.
     environment_power: f64,
     excess_power: f64,
@@ -45,7 +58,10 @@ impl GpuScene {
             buffers: Vec::new(),
             lights: None,
             light_choices: None,
+            light_nodes: None,
             emitters: Arc::default(),
+            emitter_tree: Arc::default(),
+            emission: scene.materials.iter().any(|m| !m.unlit && m.emission != Vec3::ZERO),
             environment_power: 0.0,
             excess_power: 0.0,
             // Any threshold of what is a mirror may follow.
@@ -71,7 +87,10 @@ impl GpuScene {
         gpu.data.scene_radius = 0.5 * low.distance(high);
         let weights = emitter::weights(scene, geometry);
         gpu.data.emission_weights = gpu.array(device, "scene.emission_weights", &weights)?;
-        gpu.emitters = emitter::emitters(geometry, &weights).into();
+        gpu.emitters = emitter::emitters(scene, geometry, &weights).into();
+        gpu.emitter_tree = Arc::new(Subtree::of(&gpu.emitters.iter().map(|e| e.bounds).collect::<Vec<_>>()));
+        let leaves = leaves_by_triangle(geometry, &gpu.emitters, &gpu.emitter_tree);
+        gpu.data.emitter_leaves = gpu.array(device, "scene.emitter_leaves", &leaves)?;
         if let Some(environment) = &scene.environment {
             gpu.environment(device, environment)?;
         }
@@ -136,6 +155,11 @@ impl GpuScene {
             self.data.inverse_excess_power = inverse_excess_power;
             choices.extend(excess_choices);
         }
+        if self.emission || self.data.light_count > MOST_ASKED_LIGHTS {
+            self.light_tree(device, &records, &mut choices, all, excess)?;
+        } else {
+            (self.light_nodes, self.data.light_nodes) = (None, 0);
+        }
         let buffer = match &choices[..] {
             [] => None,
             choices => Some(Arc::new(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?)),
@@ -143,6 +167,55 @@ impl GpuScene {
         self.data.light_choices = buffer.as_ref().map_or(0, |buffer| buffer.address());
         self.data.inverse_power = inverse_power;
         self.light_choices = buffer;
+        Ok(())
+    }
+
+    /// Lights chosen by a tree, and beside it tables of what is infinitely far away.
+    fn light_tree(
+        &mut self,
+        device: &vk::Device,
+        records: &[shaders::Light],
+        choices: &mut Vec<shaders::LightChoice>,
+        environment: Option<(u32, u32, f64)>,
+        excess: Option<(u32, u32, f64)>,
+    ) -> Result<(), vk::Error> {
+        let placed: Vec<(u32, Bounds)> =
+            (0..).zip(records).filter_map(|(i, light)| Some((i, bounds(light)?))).collect();
+        let mut deltas = Subtree::of(&placed.iter().map(|(_, bounds)| *bounds).collect::<Vec<_>>());
+        deltas.name_leaves(|leaf| placed[leaf as usize].0);
+        let nodes = light_tree::nodes(&self.emitter_tree, &deltas);
+        let suns: Vec<_> = (0..)
+            .zip(records)
+            .filter(|(_, light)| light.kind == LIGHT_DIRECTIONAL)
+            .map(|(i, light)| (i, 0, power(light)))
+            .collect();
+        let emitted: f64 = self.emitters.iter().map(|e| e.power).sum();
+        let shone: f64 = placed.iter().map(|(i, _)| power(&records[*i as usize])).sum();
+        let mut set = |deltas: bool, sky: Option<(u32, u32, f64)>| {
+            let infinite: Vec<_> = suns.iter().filter(|_| deltas).copied().chain(sky).collect();
+            let emitters = !self.emitters.is_empty();
+            let root = match (emitters, deltas && !placed.is_empty()) {
+                (true, true) => JOINT_ROOT,
+                (false, true) => DELTA_ROOT,
+                _ => EMITTER_ROOT,
+            };
+            let near = emitted + if deltas { shone } else { 0.0 };
+            let far: f64 = infinite.iter().map(|&(.., power)| power).sum();
+            let tree_probability = match (near > 0.0, infinite.is_empty()) {
+                (true, false) => (near / (near + far)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE) as f32,
+                (near, _) => f32::from(near),
+            };
+            let (first, count) = (choices.len() as u32, infinite.len() as u32);
+            choices.extend(emitter::choices(&infinite).0);
+            LightSet { root, tree_probability, first, count }
+        };
+        let sampled = records.len() as u32 > MOST_ASKED_LIGHTS;
+        self.data.all_lights = set(true, environment);
+        self.data.sampled_lights = set(sampled, environment);
+        self.data.lights_beside_lobes = set(sampled, excess);
+        let buffer = device.upload("scene.light_nodes", bytemuck::cast_slice(&nodes))?;
+        self.data.light_nodes = buffer.address();
+        self.light_nodes = Some(Arc::new(buffer));
         Ok(())
     }
 
@@ -154,7 +227,8 @@ impl GpuScene {
     /// Bytes on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.buffers.iter().chain(&self.lights).chain(&self.light_choices).map(|buffer| buffer.size()).sum()
+        let of_lights = self.lights.iter().chain(&self.light_choices).chain(&self.light_nodes);
+        self.buffers.iter().chain(of_lights).map(|buffer| buffer.size()).sum()
     }
 
     /// The address of a new buffer with these elements; 0 where there are none.
@@ -296,8 +370,37 @@ fn instances(geometry: &Geometry) -> Vec<shaders::Instance> {
         .collect()
 }
 
-fn orientation(matrix: Mat3A) -> f32 {
-    if matrix.determinant() < 0.0 { -1.0 } else { 1.0 }
+/// For each instance where its triangles begin, then for each triangle of those that emit which node is its own; 0 where it
+/// has none.
+fn leaves_by_triangle(geometry: &Geometry, emitters: &[Emitter], tree: &Subtree) -> Vec<u32> {
+    if emitters.is_empty() {
+        return Vec::new();
+    }
+    let mut leaves = vec![0; geometry.instances.len()];
+    let of_emitters = light_tree::emitter_leaves(tree, emitters.len());
+    let mut last = None;
+    for (emitter, leaf) in emitters.iter().zip(of_emitters) {
+        if last.replace(emitter.instance) != Some(emitter.instance) {
+            leaves[emitter.instance as usize] = leaves.len() as u32;
+            let mesh = geometry.instances[emitter.instance as usize].mesh;
+            leaves.resize(leaves.len() + geometry.meshes[mesh as usize].triangle_count as usize, 0);
+        }
+        let first = leaves[emitter.instance as usize];
+        leaves[(first + emitter.primitive) as usize] = leaf;
+    }
+    leaves
+}
+
+/// `None` of lights infinitely far away.
+fn bounds(light: &shaders::Light) -> Option<Bounds> {
+    let reach = match light.kind {
+        LIGHT_DIRECTIONAL => return None,
+        LIGHT_SPOT => f64::from(light.cos_outer).acos(),
+        _ => std::f64::consts::PI,
+    };
+    let double = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+    let intensity = double(light.intensity).element_sum();
+    Some(Bounds::of_point(double(light.position), double(light.direction), reach, intensity))
 }
 
 fn triangles(scene: &Scene, geometry: &Geometry) -> Vec<shaders::Triangle> {

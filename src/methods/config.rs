@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-pub use super::method::RenderConfig;
+pub use super::method::{LightChoice, RenderConfig};
 pub use crate::techniques::path_trace::MAX_SPP;
 
 /// Width and height a picture may have, in pixels.
@@ -34,6 +34,7 @@ impl Default for RenderConfig {
             energy_conserving: false,
             shadow_terminator: true,
             panes: true,
+            light_choice: LightChoice::default(),
             vpl_shoot: VplShootConfig::default(),
             whitted: WhittedConfig::default(),
             indirect: IndirectConfig::default(),
@@ -57,12 +58,16 @@ pub struct Preset {
 }
 
 /// What every preset begins with: the paper's VPLs, every acceleration off, Lambertian surfaces and mirrors
-/// alone, facets as they are and panes that block shadow rays.
-const CANONICAL: [&str; 13] = [
+/// alone, facets as they are, panes that block shadow rays and lights chosen by power.
+const CANONICAL: [&str; 17] = [
     "vpl_shoot.vpls=180",
+    "vpl_shoot.bounces=3",
+    "vpl_shoot.lobes=false",
+    "vpl_shoot.guided=false",
     "pixel_samples=1",
     "shadow_terminator=false",
     "panes=false",
+    "light_choice=power",
     "indirect.compensation=0",
     "indirect.visibility=exact",
     "indirect.box_split=auto",
@@ -102,6 +107,7 @@ pub const PRESETS: &[Preset] = &[
         about: "exact visibility, 4x4 and 3x3 with the edge-aware filter",
         settings: &[
             "panes=true",
+            "light_choice=tree",
             "indirect.downsample=4",
             "indirect.upsample=plane",
             "indirect.interleave=3",
@@ -401,8 +407,11 @@ mod tests {
             plain
         };
         let mut expected = with("indirect.glossy=false").unwrap();
+        expected.vpl_shoot.bounces = Some(3);
+        (expected.vpl_shoot.lobes, expected.vpl_shoot.guided) = (false, false);
         expected.shadow_terminator = false;
         expected.panes = false;
+        expected.light_choice = LightChoice::Power;
         for (name, change) in [
             ("paper-canonical", "seed=0"),
             ("paper-imperfect", "indirect.visibility=boxes"),
@@ -427,8 +436,11 @@ mod tests {
             ("energy_conserving", "true"),
             ("shadow_terminator", "false"),
             ("panes", "false"),
+            ("light_choice", "\"power\""),
             ("vpl_shoot.vpls", "90"),
             ("vpl_shoot.bounces", "2"),
+            ("vpl_shoot.lobes", "false"),
+            ("vpl_shoot.guided", "false"),
             ("whitted.specular_depth", "1"),
             ("whitted.mirror_roughness", "0.25"),
             ("whitted.light_samples", "64"),

@@ -14,6 +14,9 @@ use crate::techniques::{
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
+/// Edges of the longest path where nothing says less: what is beyond them shows in no room.
+const ALL_EDGES: u32 = 64;
+
 /// What a method needs to know beside its configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameInfo {
@@ -23,6 +26,9 @@ pub struct FrameInfo {
     pub extent: [u32; 2],
     /// The scene's surface (m²).
     pub area: f32,
+    /// Half of the ways from what the camera sees to what that sees are shorter (m); where the method asks for it and
+    /// there are any.
+    pub free_path: Option<f32>,
     /// What a progressive method has come to.
     pub means: Option<Means>,
     /// Samples a pixel that a progressive method has taken before.
@@ -74,6 +80,8 @@ pub struct Method {
     pub trials: &'static [Trial],
     /// Records one graph.
     pub record: fn(&mut Graph, &Kernels, &RenderConfig, &FrameInfo) -> Layers,
+    /// Whether it asks for [`FrameInfo::free_path`].
+    pub asks_free_path: fn(&RenderConfig) -> bool,
     /// What of a scene it does not model as configured, a sentence each.
     pub left_out: fn(&SceneProfile, &RenderConfig) -> Vec<String>,
 }
@@ -193,6 +201,19 @@ fn names(aovs: &[Aov]) -> String {
     aovs.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(", ")
 }
 
+/// How one of many lights is chosen to be asked for light; light paths always go by power.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LightChoice {
+    /// By a tree that bounds what each can give a point: distance, the sides that lights and the point face, intensity
+    /// (Conty Estevez & Kulla 2018). Emissive triangles that look large are sampled by solid angle (Arvo 1995). A scene
+    /// without any and with at most 8 lights has no tree.
+    #[default]
+    Tree,
+    /// In proportion to power, whatever the point; triangles by area. Noisier.
+    Power,
+}
+
 /// Everything that decides a picture besides scene, camera and backend.
 ///
 /// ```
@@ -235,6 +256,8 @@ pub struct RenderConfig {
     /// rooms behind glass are dark, and to pass one is a bounce. No bias by itself, but for roughness up to
     /// `whitted.mirror_roughness`, which method `igi` takes for none. Ours: the paper does not say; its presets turn it off.
     pub panes: bool,
+    /// How one of many lights is chosen to be asked for light. Both have the same mean.
+    pub light_choice: LightChoice,
     /// Virtual point lights.
     pub vpl_shoot: VplShootConfig,
     /// Direct light and specular paths.
@@ -256,7 +279,8 @@ impl RenderConfig {
     /// Edges of the longest path a path tracer follows.
     #[must_use]
     pub fn max_depth(&self) -> u32 {
-        self.path_trace.max_depth.unwrap_or(self.vpl_shoot.bounces.saturating_add(2))
+        let of_bounces = self.vpl_shoot.bounces.map_or(ALL_EDGES, |bounces| bounces.saturating_add(2));
+        self.path_trace.max_depth.unwrap_or(of_bounces)
     }
 
     /// The part of the picture that is rendered: x0, y0, x1, y1 (pixels, ends exclusive).

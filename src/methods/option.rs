@@ -59,7 +59,7 @@ pub(super) const BOUNCES: CliOption = CliOption {
     key: "vpl_shoot.bounces",
     group: OptionGroup::Light,
     rare: false,
-    help: "Indirect bounces: fewer lose light [default: 3]",
+    help: "Most indirect bounces: fewer lose light [default: auto, chance ends paths]",
     more: "",
     value: OptionValue::Whole("N"),
 };

@@ -78,6 +78,7 @@ pub static METHOD: Method = Method {
     },
     trials: TRIALS,
     record,
+    asks_free_path: |_| false,
     left_out: |profile, _| {
         let lights = profile.point_lights + profile.spot_lights + profile.directional_lights;
         let missing =
@@ -102,7 +103,7 @@ const OPTIONS: &[CliOption] = &[
         key: "path_trace.max_depth",
         group: OptionGroup::Light,
         rare: true,
-        help: "Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2]",
+        help: "Edges of its longest paths, counted from the camera: 2 is direct light [default: --bounces + 2, or 64]",
         more: "",
         value: OptionValue::Whole("N"),
     },
@@ -150,6 +151,7 @@ const TRIALS: &[Trial] = &[
     holds("caustic", &[]),
     fails("caustic", &["path_trace.transport=direct"], "direct light goes through no body of glass"),
     holds("wires", &["path_trace.spp=128"]),
+    holds("crease", &["path_trace.spp=256"]),
 ];
 
 /// # Panics

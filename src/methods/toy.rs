@@ -74,6 +74,7 @@ pub(super) static METHOD: Method = Method {
     diffuse_indirect: |_| None,
     trials: &[fails("crease", &["toy.level=1"], "nothing shades a toy")],
     record,
+    asks_free_path: |_| false,
     left_out: |_, config| {
         let ToyConfig { level, .. } = config.own.get("toy");
         if level < 1.0 {

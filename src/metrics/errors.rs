@@ -1,4 +1,6 @@
-use super::{FlipMap, flip, mape, mse, peak, psnr, rel_mse, rel_mse_trimmed, signed_bias, smape, ssim};
+use super::{
+    FlipMap, flip, mape, mse, peak, psnr, rel_mse, rel_mse_blocks, rel_mse_trimmed, signed_bias, smape, ssim,
+};
 
 /// Every measure of one picture against its reference.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -7,6 +9,8 @@ pub struct Errors {
     pub rel_mse: f64,
     /// [`rel_mse_trimmed`].
     pub rel_mse_trimmed: f64,
+    /// [`rel_mse_blocks`].
+    pub rel_mse_blocks: f64,
     /// [`mape`].
     pub mape: f64,
     /// [`smape`].
@@ -36,6 +40,7 @@ pub fn errors(image: &[f32], reference: &[f32], width: usize, channels: usize) -
     let errors = Errors {
         rel_mse: rel_mse(image, reference),
         rel_mse_trimmed: rel_mse_trimmed(image, reference),
+        rel_mse_blocks: rel_mse_blocks(image, reference, width, channels),
         mape: mape(image, reference),
         smape: smape(image, reference),
         signed_bias: signed_bias(image, reference),

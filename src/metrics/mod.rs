@@ -6,14 +6,19 @@
 
 mod errors;
 mod flip;
+mod seeds;
 mod ssim;
 
 pub use errors::{Errors, errors};
 pub use flip::{FlipMap, PIXELS_PER_DEGREE, flip, flip_ldr};
+pub use seeds::{ReferenceNoise, SeedError, SeedErrors, Seeds, median, without_noise};
 pub use ssim::{SSIM_WINDOW, ssim};
 
 /// Share of the largest terms that [`rel_mse_trimmed`] drops.
 pub const TRIMMED_SHARE: f64 = 0.001;
+
+/// Side of the blocks of [`rel_mse_blocks`] (pixels).
+pub const BLOCK: usize = 32;
 
 /// Relative error of each pixel, row by row: the mean over its channels of the roots of [`rel_mse`]'s terms.
 ///
@@ -52,6 +57,17 @@ pub fn rel_mse_trimmed(image: &[f32], reference: &[f32]) -> f64 {
         terms.truncate(kept);
     }
     mean(terms.into_iter())
+}
+
+/// [`rel_mse`] of the means of blocks of [`BLOCK`] × [`BLOCK`] pixels: grain averages out, light that is missing over an
+/// area or lies beside its place does not.
+///
+/// # Panics
+/// If the slices differ in length or are not whole rows.
+#[must_use]
+pub fn rel_mse_blocks(image: &[f32], reference: &[f32], width: usize, channels: usize) -> f64 {
+    let blocks = |picture| block_average(picture, width, channels, BLOCK);
+    rel_mse(&blocks(image), &blocks(reference))
 }
 
 /// Signed bias: mean(I) / mean(R) − 1; negative where light is lost.

@@ -2,7 +2,7 @@
 
 use super::frame::Frame;
 use super::window::Window;
-use crate::config::RenderConfig;
+use crate::config::{LightChoice, RenderConfig};
 use crate::graph::{self, Desc, Graph, Image, Res, Run, Tap, Ticket};
 use crate::layer::Layer;
 use crate::methods::{Aov, FrameInfo, VplCounts};
@@ -36,6 +36,8 @@ pub(super) struct Drawing {
     pub(super) layers: Vec<Aov>,
     /// Where kernels' coordinates begin, in the file's (m).
     pub(super) origin: DVec3,
+    /// As [`FrameInfo::free_path`].
+    pub(super) free_path: Option<f32>,
 }
 
 impl Drawing {
@@ -48,7 +50,8 @@ impl Drawing {
         means: &[Arc<vk::Image>],
         sample: u32,
     ) -> FrameResources {
-        let Self { config, kernels, window, .. } = self;
+        let Self { config, kernels, window, free_path, .. } = self;
+        let info = &FrameInfo { free_path: *free_path, ..info.clone() };
         let mut drawn = (config.method.record)(g, kernels, config, info);
         let mut images = vec![drawn.beauty];
         images.extend(layers.iter().map(|&aov| drawn.image(g, kernels, aov)));
@@ -70,6 +73,8 @@ pub(super) fn modelling(kernels: Kernels, config: &RenderConfig, features: &[Fea
     let kernels = kernels.modelling(features);
     let kernels = if config.shadow_terminator { kernels } else { kernels.without_curves() };
     let kernels = if config.panes { kernels } else { kernels.without_panes() };
+    let by_power = config.light_choice == LightChoice::Power;
+    let kernels = if by_power { kernels.without_light_tree() } else { kernels };
     (config.method.kernels)(kernels, config)
 }
 

@@ -34,8 +34,14 @@ pub fn plan(
         info.means = Some(means_of((progressive.adaptive)(config), aovs, image));
         info.samples = 1;
     }
-    let drawing =
-        Drawing { config: config.clone(), kernels, window, layers: aovs.to_vec(), origin: scene.origin };
+    let drawing = Drawing {
+        config: config.clone(),
+        kernels,
+        window,
+        layers: aovs.to_vec(),
+        origin: scene.origin,
+        free_path: None,
+    };
     let recorded = drawing.record(&mut g, &info, aovs, &[], 0);
     Tickets::take(&mut g, config, recorded, true);
     Ok(g.plan(requirements)?)

@@ -7,7 +7,9 @@ use super::window::Window;
 use crate::config::RenderConfig;
 use crate::graph::Graph;
 use crate::scene::Camera;
-use crate::techniques::vpl_shoot::{self, VplShootConfig};
+use crate::shaders::Receiver;
+use crate::techniques::indirect;
+use crate::techniques::vpl_shoot;
 
 /// Most light paths that are looked at.
 const PATHS: u32 = 4096;
@@ -22,18 +24,34 @@ impl Renderer {
     pub fn paths_seen(&mut self, config: &RenderConfig, camera: &Camera) -> Result<Option<f64>, Error> {
         config.validate()?;
         let kernels = modelling(self.kernels(config.whitted.mirror_roughness), config, &[]);
-        let bounces = config.vpl_shoot.bounces;
-        let paths = config.vpl_shoot.paths().min(PATHS);
-        let shot = VplShootConfig { vpls: paths * bounces, bounces };
+        let mut shot = config.vpl_shoot.clone();
+        let path = shot.vpls / shot.paths();
+        shot.vpls = shot.paths().min(PATHS) * path;
         let Window { origin, extent, traced_origin, .. } = Window::of(config);
         let origin = [0, 1].map(|axis| origin[axis] - traced_origin[axis]);
         let mut g = Graph::new();
-        let paths = vpl_shoot::paths(&mut g, &kernels, &shot);
-        let seen = vpl_shoot::seen(&mut g, &kernels, &shot, &paths, origin, extent);
+        let paths = vpl_shoot::paths(&mut g, &kernels, &shot, 1);
+        let vpls = vpl_shoot::compact(&mut g, &kernels, &shot, &paths, 1);
+        let seen = vpl_shoot::seen(&mut g, &kernels, &shot, &vpls, origin, extent);
         let (points, seen) = (g.read_buffer(seen.points), g.read_buffer::<u32>(seen.paths));
         let mut run = self.run(g, config, camera)?;
         let (points, seen) = (run.take(points), run.take(seen));
-        let any = points.iter().any(|point: &[f32; 9]| point[3..6] != [0.0; 3]);
+        let any = points.iter().any(|point: &Receiver| point.normal != [0.0; 3]);
         Ok(any.then(|| f64::from(seen.iter().sum::<u32>()) / seen.len() as f64))
+    }
+
+    /// The median length (m) of cosine-distributed rays from what the camera sees all over the whole picture, where it sees
+    /// anything that sees anything.
+    pub(super) fn free_path(&mut self, config: &RenderConfig, camera: &Camera) -> Result<Option<f32>, Error> {
+        let whole = RenderConfig { crop: None, seed: 0, ..config.clone() };
+        let kernels = modelling(self.kernels(config.whitted.mirror_roughness), &whole, &[]);
+        let mut g = Graph::new();
+        let lengths = indirect::free_path(&mut g, &kernels, [0, 0], whole.size);
+        let lengths = g.read_buffer::<f32>(lengths);
+        let mut run = self.run(g, &whole, camera)?;
+        let mut lengths = run.take(lengths);
+        lengths.retain(|&length| length > 0.0);
+        lengths.sort_by(f32::total_cmp);
+        Ok(lengths.get(lengths.len() / 2).copied())
     }
 }

@@ -188,13 +188,22 @@ impl Stepper {
         };
         let kernels = renderer.kernels(config.whitted.mirror_roughness);
         let kernels = modelling(kernels, config, request.modelled);
+        let asks = (config.method.asks_free_path)(config);
+        let free_path = if asks { renderer.free_path(config, camera)? } else { None };
         let mut stepper = Self {
             target: match &config.method.progressive {
                 Some(method) => (method.samples)(config),
                 None => config.pixel_samples,
             },
             taken: 0,
-            drawing: Drawing { config: config.clone(), kernels, window, layers, origin: renderer.origin() },
+            drawing: Drawing {
+                config: config.clone(),
+                kernels,
+                window,
+                layers,
+                origin: renderer.origin(),
+                free_path,
+            },
             camera: camera.clone(),
             modelled: request.modelled.to_vec(),
             taps: request.taps.to_vec(),

@@ -4,7 +4,8 @@
 use super::error::Error;
 use super::prepared::{Invalidated, Prepared, Resident};
 use super::window::Window;
-use crate::config::RenderConfig;
+use crate::config::{LightChoice, RenderConfig};
+use crate::gpu_scene::MOST_ASKED_LIGHTS;
 use crate::graph::{Executor, Graph, Run, RunOptions};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Light, View};
@@ -87,6 +88,11 @@ impl Renderer {
     ) -> Result<Arc<SceneSet>, Error> {
         let resident = Arc::clone(self.prepared.resident());
         let (area_lights, samples) = (resident.area_lights(), config.whitted.light_samples);
+        let mut known = resident.data();
+        if config.light_choice == LightChoice::Power {
+            known.light_nodes = 0;
+        }
+        let sampled = known.light_nodes != 0 && known.light_count > MOST_ASKED_LIGHTS;
         let lobes =
             config.indirect.glossy && self.prepared.profile(config.whitted.mirror_roughness).rough_lobes;
         let data = shaders::SceneData {
@@ -96,13 +102,15 @@ impl Renderer {
             pixel_offset: pixel_offset.to_array(),
             ray_counters: counters.map_or(0, |counters| counters.address()),
             seed: config.seed,
+            vpl_share: config.indirect.behind_mirrors(),
             specular_depth: config.whitted.specular_depth,
             mirror_roughness: config.whitted.mirror_roughness,
             pane_roughness: (config.method.pane_roughness)(config),
             energy_conserving: config.energy_conserving.into(),
-            light_samples: if area_lights { samples } else { 0 },
+            asked_lights: if sampled { 0 } else { known.light_count },
+            light_samples: if area_lights || sampled { samples } else { 0 },
             lobe_samples: if area_lights && lobes { samples } else { 0 },
-            ..resident.data()
+            ..known
         };
         if let Some(counters) = counters {
             let mut set = self.new_set(&resident, &data)?;

@@ -31,6 +31,6 @@ impl Window {
 
     pub(super) fn frame(&self, area: f32) -> FrameInfo {
         let (origin, extent) = (self.traced_origin, self.traced_extent);
-        FrameInfo { origin, extent, area, means: None, taken: 0, samples: 0 }
+        FrameInfo { origin, extent, area, free_path: None, means: None, taken: 0, samples: 0 }
     }
 }

@@ -6,12 +6,14 @@ pub mod gbuffer;
 pub mod glare;
 pub mod indirect;
 pub mod path_trace;
+pub mod radiance_cache;
 pub mod setting;
 pub mod tone_map;
 pub mod vpl_shoot;
 pub mod whitted;
 
 use crate::accel::software::MAX_STACK_DEPTH;
+use crate::gpu_scene::MOST_ASKED_LIGHTS;
 use crate::scene::{Feature, SceneProfile};
 use crate::shaders::SceneSpec;
 
@@ -19,7 +21,7 @@ use crate::shaders::SceneSpec;
 #[derive(Clone, Debug)]
 pub struct Kernels {
     pub(crate) profile: SceneProfile,
-    /// Lights that reach points one by one.
+    /// Lights without size.
     lights: u32,
     scene: SceneSpec,
 }
@@ -28,7 +30,7 @@ impl Kernels {
     /// Specialises the kernels; `stack_depth` is what the software structure needs.
     #[must_use]
     pub fn new(profile: &SceneProfile, stack_depth: u32) -> Self {
-        let lights = (profile.point_lights + profile.spot_lights + profile.directional_lights) as u32;
+        let lights = delta_lights(profile);
         Self { profile: profile.clone(), lights, scene: Self::specialised(profile, stack_depth) }
     }
 
@@ -68,6 +70,7 @@ impl Kernels {
             alpha_blend: profile.alpha_blend,
             emissive_triangles: profile.emission,
             environment: profile.environment,
+            light_tree: profile.emission || delta_lights(profile) > MOST_ASKED_LIGHTS,
             stack_depth,
             // Lobes are what a technique asks for.
             glossy: false,
@@ -90,15 +93,36 @@ impl Kernels {
         self
     }
 
+    /// Lights are chosen by power alone: `light_choice` is so.
+    #[must_use]
+    pub(crate) fn without_light_tree(mut self) -> Self {
+        self.scene.light_tree = false;
+        self
+    }
+
     /// The constants themselves.
     #[cfg(feature = "compile")]
     pub(crate) fn scene_spec(&self) -> &SceneSpec {
         &self.scene
     }
 
-    /// Lights that reach points one by one.
+    /// Lights without size.
     pub(crate) fn lights(&self) -> u32 {
         self.lights
+    }
+
+    /// Those that points ask one by one.
+    pub(crate) fn asked_lights(&self) -> u32 {
+        if self.samples_deltas() { 0 } else { self.lights }
+    }
+
+    fn samples_deltas(&self) -> bool {
+        self.scene.light_tree && self.lights > MOST_ASKED_LIGHTS
+    }
+
+    /// Whether points sample lights that they do not ask one by one.
+    pub(crate) fn samples_lights(&self) -> bool {
+        self.area_lights() || self.samples_deltas()
     }
 
     /// Whether anything that has a size shines: emissive triangles or the environment.
@@ -136,9 +160,14 @@ impl Kernels {
 
     /// Whether these are the same kernels as others, in the same passes.
     pub(crate) fn same_as(&self, other: &Self) -> bool {
-        let passes = |k: &Self| [k.specular(), k.glossy_lobes(), k.area_lights(), k.finds_light()];
+        let passes =
+            |k: &Self| [k.specular(), k.glossy_lobes(), k.area_lights(), k.samples_lights(), k.finds_light()];
         self.scene == other.scene && passes(self) == passes(other)
     }
+}
+
+fn delta_lights(profile: &SceneProfile) -> u32 {
+    (profile.point_lights + profile.spot_lights + profile.directional_lights) as u32
 }
 
 #[cfg(test)]

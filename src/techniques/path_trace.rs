@@ -71,7 +71,7 @@ pub struct PathTraceConfig {
     /// Paths a pixel, 1 … 2²⁴. Noise falls with the root, time grows in proportion. Powers of two stratify best.
     pub spp: u32,
     /// Edges of the longest path, counted from the camera, 1 … 65536: 1 is emission alone, 2 adds direct light. Fewer
-    /// lose light. Absent: `vpl_shoot.bounces` + 2, what `igi` takes into account.
+    /// lose light. Absent: what `igi` takes into account, `vpl_shoot.bounces` + 2, or 64 where that is absent too.
     pub max_depth: Option<u32>,
     /// How light is found. Both have the same mean.
     pub estimator: Estimator,

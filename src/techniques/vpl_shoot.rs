@@ -1,63 +1,95 @@
 //! Virtual point lights along quasi-random light paths (Keller, "Instant Radiosity", 1997; Marques & Santos
 //! 2010, §4).
 //!
-//! P = ⌊vpls / bounces⌋ paths leave the lights, each chosen in proportion to its power, with Halton points:
-//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce. Emissive triangles and the
+//! P paths leave the lights, each chosen in proportion to its power, with Halton points:
+//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce (by roulette for the first three,
+//! Owen-scrambled points after them). Emissive triangles and the
 //! environment are lights like others, but take four numbers: in scenes with any, bases 3 and 5 choose the direction
 //! (emitters: by cosine, from a side that emits; environment: by its radiance), 7 and 11 the place (emitters: uniform by
 //! area; environment: on the disc through the scene's bounding sphere), and bounces begin at 13. A path starts with
 //! Φ = Φ_light / (p_light · P), π L A of an emitter's side and π R² ∫L dω of the environment, and leaves, at each diffuse hit, a VPL of flux Φ_k = ρ_d Φ |ω·N_s| / |ω·N_g| that
 //! shines as a Lambertian around the geometric normal; the last factor is the adjoint of shading normals (Veach
-//! 1997, §5.3). Paths carry weights, none is absorbed. Mirrors and glass leave no VPL.
+//! 1997, §5.3). Mirrors and glass leave no VPL.
 //!
-//! Bias: light of more than `bounces` diffuse hits is missing. Few paths correlate in the high bases.
-//! Cost: P paths of at most `bounces · (specular_depth + 1)` rays, one thread each.
+//! Roulette ends paths unless `bounces` does: one goes on with the probability that its power falls by, at most 0.9, which
+//! its flux is divided by, so that light of any number of bounces counts (Keller 1997 calls these fractional absorption).
+//! Then paths are traced twice, to count their VPLs and to list them, and memory has room for 2 · vpls: of more than that,
+//! as many are kept as fit, each with the same probability, which their flux is divided by too, so that no light is lost.
+//!
+//! Bias: light of more than `bounces` diffuse hits is missing, where that is set. Few paths correlate in the high bases.
+//! Cost: one thread a path; of at most `bounces · (specular_depth + 1)` rays, or by roulette twice 1/(1 − ρ) of them.
 
 use super::Kernels;
 use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Res};
+use crate::sampling::MAX_BOUNCES;
 use crate::shaders::{
-    BLOCK_SLOTS, Vpl,
-    vpl_shoot::{compact, count, paths, scan, seen, view},
+    BLOCK_SLOTS, Receiver, Vpl,
+    vpl_shoot::{aim, bound, compact, count, paths, pilot, roulette, scan, seen, view},
 };
 
 /// How virtual point lights are made.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VplShootConfig {
-    /// VPL slots, 1 … 2²⁴. ⌊vpls / bounces⌋ paths (at least one) are shot. More: less noise and weaker
-    /// splotches, gather cost grows in proportion. The paper uses 30, 90 and 180. Two lists
-    /// take 44 bytes a slot each; a device that binds 128 MiB at a time has room for 3 050 402.
+    /// VPLs, 1 … 2²⁴, about: as many as a mean of three diffuse hits a path leaves, twice as many at most; with `bounces`
+    /// at most these. More: less noise and weaker splotches, gather cost grows in proportion. The paper uses 30, 90 and
+    /// 180. They take 88 bytes each; a device that binds 128 MiB at a time has room for 1 525 201.
     pub vpls: u32,
     /// Diffuse hits a path leaves VPLs at, 1 … 32: 1 is one indirect bounce. Fewer lose energy (a closed room
-    /// of albedo ρ keeps 1 − ρ^(bounces+1) of it), more thin the paths. Ours: the paper leaves it to the user.
-    pub bounces: u32,
+    /// of albedo ρ keeps 1 − ρ^(bounces+1) of it), more thin the paths. Absent: any number, roulette ends paths. Ours: the
+    /// paper leaves it to the user; presets set 3.
+    pub bounces: Option<u32>,
+    /// Whether VPLs shine with all light that their surface scatters in lobes that no mirror ray follows, rough metals,
+    /// rough clear coats and reflections of dielectrics included, and light paths take mirrors' share at surfaces that are
+    /// both. Energy is kept, direction is not: VPLs stay Lambertians. Without it that light is missing, two to seven per
+    /// cent of a furnished room. Ours; presets turn it off.
+    pub lobes: bool,
+    /// Whether paths of the environment and of directional lights are aimed at what matters to the picture, which 4096
+    /// paths from the camera find beforehand. Their density is known, so that the mean stays; a quarter of the paths starts
+    /// as without. Without it most miss a room in a large scene. Nothing where lights are all near. Ours; presets turn it off.
+    pub guided: bool,
 }
 
 impl Default for VplShootConfig {
     fn default() -> Self {
-        Self { vpls: 180, bounces: 3 }
+        Self { vpls: 180, bounces: None, lobes: true, guided: true }
     }
 }
 
 impl Settings for VplShootConfig {
     fn check(&self) -> Result<(), BadValue> {
         within("vpl_shoot.vpls", self.vpls, 1..=1 << 24)?;
-        within("vpl_shoot.bounces", self.bounces, 1..=32)
+        self.bounces.map_or(Ok(()), |bounces| within("vpl_shoot.bounces", bounces, 1..=MAX_BOUNCES))
     }
 }
+
+/// VPLs of a path that roulette ends, as many as paths are launched for.
+const MEAN_BOUNCES: u32 = 3;
+
+/// No path that roulette ends is longer: 2·10⁻¹² of those that nothing else ends would be.
+const ENDLESS: u32 = 256;
 
 impl VplShootConfig {
     /// Paths launched.
     #[must_use]
     pub fn paths(&self) -> u32 {
-        (self.vpls / self.bounces).max(1)
+        (self.vpls / self.bounces.unwrap_or(MEAN_BOUNCES)).max(1)
     }
 
-    /// Slots for VPLs; as many VPLs where no path ends early.
-    #[must_use]
-    pub fn slots(&self) -> u32 {
-        self.paths() * self.bounces
+    /// VPLs that a list of `subsets` parts has room for: of each, and of all.
+    fn room(&self, subsets: u32) -> [u32; 2] {
+        match self.bounces {
+            Some(bounces) => [self.paths().div_ceil(subsets) * bounces, self.paths() * bounces],
+            None => {
+                let part = (2 * self.vpls).div_ceil(subsets);
+                [part, part * subsets]
+            }
+        }
+    }
+
+    fn most_bounces(&self) -> u32 {
+        self.bounces.unwrap_or(ENDLESS)
     }
 }
 
@@ -77,54 +109,144 @@ pub struct Vpls {
     pub bounces: u32,
 }
 
-/// What light paths left behind, with the gaps of those that ended early.
+/// Paths of the pilot along a side of the picture.
+const PILOT_SIDE: u32 = 64;
+
+/// Numbers of four bytes in a guide.
+const GUIDE_WORDS: u64 = 8;
+
+/// Finds where light from infinitely far away matters; `None` where there is none or it is not asked for.
+fn guides(g: &mut Graph, k: &Kernels, config: &VplShootConfig) -> Option<Res<Buffer>> {
+    let far = k.profile.environment || k.profile.directional_lights > 0;
+    (config.guided && far).then(|| {
+        let count = PILOT_SIDE * PILOT_SIDE;
+        let found = g.buffer("found", 4 * GUIDE_WORDS * u64::from(count));
+        let params = pilot::Params { side: PILOT_SIDE };
+        g.pass("pilot", &pilot::kernel(&k.scene), pilot::Bind { found }, params, Grid::Of([count, 1, 1]));
+        let guides = g.buffer("guides", 8 + 4 * GUIDE_WORDS * u64::from(count));
+        let bind = aim::Bind { found, guides };
+        g.pass("aim", &aim::kernel(), bind, aim::Params { found: count }, Grid::Of([1, 1, 1]));
+        guides
+    })
+}
+
+/// Whether any surface has lobes that are neither diffuse nor mirrors, or is both.
+fn lobes(k: &Kernels, config: &VplShootConfig) -> bool {
+    config.lobes && (k.profile.rough_lobes || k.profile.clearcoat || k.profile.polished)
+}
+
+/// What light paths left behind.
 #[derive(Clone, Copy, Debug)]
-pub struct Paths {
+pub enum Paths {
+    /// VPLs, `bounces` slots a path, with the gaps of those that ended early.
+    Slots(Res<Buffer>),
+    /// How many VPLs each path leaves, and room for a list of them.
+    Counted {
+        /// Unsigned integers; `glsl/vpl_shoot/tally.glsl` says which.
+        tally: Res<Buffer>,
+        /// The list.
+        vpls: Res<Buffer>,
+        /// Where paths are aimed at.
+        guides: Res<Buffer>,
+        /// Whether they are.
+        guided: bool,
+    },
+}
+
+/// Shoots the paths, for `subsets` equal parts of them.
+pub fn paths(g: &mut Graph, k: &Kernels, config: &VplShootConfig, subsets: u32) -> Paths {
+    g.group("vpl_shoot", |g| {
+        let guides = guides(g, k, config);
+        let (guided, lobes) = (guides.is_some(), lobes(k, config));
+        // Unread where there are none.
+        let guides = guides.unwrap_or_else(|| g.buffer_with("guides", vec![0; 8 + 4 * GUIDE_WORDS as usize]));
+        if let Some(bounces) = config.bounces {
+            let slots = g.buffer("slots", bytes(config.room(1)[1]));
+            let params = paths::Params { paths: config.paths(), bounces };
+            let grid = Grid::Of([config.paths(), 1, 1]);
+            let kernel = paths::kernel(paths::Spec { lobes, guided }, &k.scene);
+            g.pass("paths", &kernel, paths::Bind { slots, guides }, params, grid);
+            return Paths::Slots(slots);
+        }
+        let tally = g.buffer("tally", 4 * (u64::from(config.paths()) + u64::from(2 * (subsets + 1))));
+        g.fill("none", tally, 0);
+        let vpls = g.buffer("vpls", bytes(config.room(subsets)[1]));
+        roulette(g, k, config, subsets, roulette::Bind { tally, vpls, guides }, guided, false);
+        Paths::Counted { tally, vpls, guides, guided }
+    })
+}
+
+fn roulette(
+    g: &mut Graph,
+    k: &Kernels,
+    config: &VplShootConfig,
+    subsets: u32,
+    bind: roulette::Bind,
+    guided: bool,
+    lists: bool,
+) {
+    let params = roulette::Params {
+        paths: config.paths(),
+        bounces: ENDLESS,
+        subsets,
+        room: config.room(subsets)[0],
+        lists: lists.into(),
+    };
+    let name = if lists { "list" } else { "paths" };
+    let kernel = roulette::kernel(roulette::Spec { lobes: lobes(k, config), guided }, &k.scene);
+    g.pass(name, &kernel, bind, params, Grid::Of([config.paths(), 1, 1]));
+}
+
+/// Lists the VPLs and notes where each of `subsets` equal parts of the paths starts: the same number as they were shot for.
+pub fn compact(g: &mut Graph, k: &Kernels, config: &VplShootConfig, paths: &Paths, subsets: u32) -> Vpls {
+    g.group("vpl_shoot", |g| {
+        let count = g.buffer("count", 4 * (u64::from(subsets) + 2));
+        let list = match *paths {
+            Paths::Slots(slots) => close_gaps(g, config, slots, count, subsets),
+            Paths::Counted { tally, vpls, guides, guided } => {
+                let params = bound::Params { paths: config.paths(), subsets, room: config.room(subsets)[0] };
+                g.pass("bound", &bound::kernel(), bound::Bind { tally, count }, params, Grid::Of([1, 1, 1]));
+                roulette(g, k, config, subsets, roulette::Bind { tally, vpls, guides }, guided, true);
+                vpls
+            }
+        };
+        let [subset_slots, slots] = config.room(subsets);
+        Vpls { list, count, slots, subset_slots, bounces: config.most_bounces() }
+    })
+}
+
+fn close_gaps(
+    g: &mut Graph,
+    config: &VplShootConfig,
     slots: Res<Buffer>,
-}
-
-/// Shoots the paths.
-pub fn paths(g: &mut Graph, k: &Kernels, config: &VplShootConfig) -> Paths {
-    g.group("vpl_shoot", |g| {
-        let slots = g.buffer("slots", bytes(config));
-        let params = paths::Params { paths: config.paths(), bounces: config.bounces };
-        let grid = Grid::Of([config.paths(), 1, 1]);
-        g.pass("paths", &paths::kernel(&k.scene), paths::Bind { slots }, params, grid);
-        Paths { slots }
-    })
-}
-
-/// Closes the gaps and notes where each of `subsets` equal parts of the paths starts.
-pub fn compact(g: &mut Graph, config: &VplShootConfig, paths: &Paths, subsets: u32) -> Vpls {
-    g.group("vpl_shoot", |g| {
-        let &Paths { slots } = paths;
-        let list = g.buffer("vpls", bytes(config));
-        let counts = g.buffer("count", 4 * (u64::from(subsets) + 2));
-        let blocks = config.slots().div_ceil(BLOCK_SLOTS);
-        let before = (blocks > 1).then(|| {
-            let blocks_of = g.buffer("blocks", 4 * u64::from(blocks));
-            let grid = Grid::Of([blocks * count::CODE.workgroup[0], 1, 1]);
-            let bind = count::Bind { slots, blocks: blocks_of };
-            g.pass("count", &count::kernel(), bind, count::Params { slots: config.slots() }, grid);
-            let bind = scan::Bind { blocks: blocks_of };
-            g.pass("scan", &scan::kernel(), bind, scan::Params { blocks }, Grid::Of([1, 1, 1]));
-            blocks_of
-        });
-        let spec = compact::Spec { blocks: before.is_some() };
-        // Unread where there is one block.
-        let bind = compact::Bind { slots, blocks: before.unwrap_or(slots), vpls: list, count: counts };
-        let params = compact::Params { paths: config.paths(), bounces: config.bounces, subsets };
-        let grid = Grid::Of([blocks * compact::CODE.workgroup[0], 1, 1]);
-        g.pass("compact", &compact::kernel(spec), bind, params, grid);
-        let subset_slots = config.paths().div_ceil(subsets) * config.bounces;
-        Vpls { list, count: counts, slots: config.slots(), subset_slots, bounces: config.bounces }
-    })
+    counts: Res<Buffer>,
+    subsets: u32,
+) -> Res<Buffer> {
+    let [_, all] = config.room(1);
+    let list = g.buffer("vpls", bytes(all));
+    let blocks = all.div_ceil(BLOCK_SLOTS);
+    let before = (blocks > 1).then(|| {
+        let blocks_of = g.buffer("blocks", 4 * u64::from(blocks));
+        let grid = Grid::Of([blocks * count::CODE.workgroup[0], 1, 1]);
+        let bind = count::Bind { slots, blocks: blocks_of };
+        g.pass("count", &count::kernel(), bind, count::Params { slots: all }, grid);
+        let bind = scan::Bind { blocks: blocks_of };
+        g.pass("scan", &scan::kernel(), bind, scan::Params { blocks }, Grid::Of([1, 1, 1]));
+        blocks_of
+    });
+    let spec = compact::Spec { blocks: before.is_some() };
+    // Unread where there is one block.
+    let bind = compact::Bind { slots, blocks: before.unwrap_or(slots), vpls: list, count: counts };
+    let params = compact::Params { paths: config.paths(), bounces: config.most_bounces(), subsets };
+    let grid = Grid::Of([blocks * compact::CODE.workgroup[0], 1, 1]);
+    g.pass("compact", &compact::kernel(spec), bind, params, grid);
+    list
 }
 
 /// Which paths light anything that is seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// Position, shading and geometric normal (nine numbers) of points that the camera sees; normals 0 where it sees none.
+    /// [`Receiver`]s: points that the camera sees; normals 0 where it sees none.
     pub points: Res<Buffer>,
     /// An unsigned integer each: 1 if a VPL of the path lights any of them.
     pub paths: Res<Buffer>,
@@ -133,30 +255,41 @@ pub struct Seen {
 /// Points seen along a side of the picture.
 const POINTS_SIDE: u32 = 16;
 
+/// Points that [`view`] finds.
+pub(super) const POINTS: u32 = POINTS_SIDE * POINTS_SIDE;
+
+/// Points that the camera sees all over the window of `extent` pixels that begins at pixel `origin`: as of [`Seen`].
+pub(super) fn view(g: &mut Graph, k: &Kernels, origin: [u32; 2], extent: [u32; 2]) -> Res<Buffer> {
+    g.group("vpl_shoot", |g| {
+        let points = g.buffer("points", u64::from(POINTS) * size_of::<Receiver>() as u64);
+        let params = view::Params { origin, extent, side: POINTS_SIDE };
+        g.pass("view", &view::kernel(&k.scene), view::Bind { points }, params, Grid::Of([POINTS, 1, 1]));
+        points
+    })
+}
+
 /// Asks of every path for points all over the window of `extent` pixels that begins at pixel `origin`.
 pub fn seen(
     g: &mut Graph,
     k: &Kernels,
     config: &VplShootConfig,
-    paths: &Paths,
+    vpls: &Vpls,
     origin: [u32; 2],
     extent: [u32; 2],
 ) -> Seen {
+    let points = view(g, k, origin, extent);
     g.group("vpl_shoot", |g| {
-        let count = POINTS_SIDE * POINTS_SIDE;
-        let points = g.buffer("points", u64::from(count) * 36);
-        let params = view::Params { origin, extent, side: POINTS_SIDE };
-        g.pass("view", &view::kernel(&k.scene), view::Bind { points }, params, Grid::Of([count, 1, 1]));
         let found = g.buffer("seen", 4 * u64::from(config.paths()));
-        let bind = seen::Bind { slots: paths.slots, points, seen: found };
-        let params = seen::Params { paths: config.paths(), bounces: config.bounces, points: count };
-        g.pass("seen", &seen::kernel(&k.scene), bind, params, Grid::Of([config.paths(), 1, 1]));
+        g.fill("none", found, 0);
+        let bind = seen::Bind { vpls: vpls.list, count: vpls.count, points, seen: found };
+        let params = seen::Params { points: POINTS };
+        g.pass("seen", &seen::kernel(&k.scene), bind, params, Grid::Of([vpls.slots, 1, 1]));
         Seen { points, paths: found }
     })
 }
 
-fn bytes(config: &VplShootConfig) -> u64 {
-    u64::from(config.slots()) * size_of::<Vpl>() as u64
+fn bytes(vpls: u32) -> u64 {
+    u64::from(vpls) * size_of::<Vpl>() as u64
 }
 
 #[cfg(test)]
@@ -180,24 +313,26 @@ mod tests {
         for (vpls, bounces, subsets) in cases {
             // Some gaps, none, nothing else.
             for gaps in [4, u32::MAX, 1].into_iter().take(if vpls < block { 3 } else { 1 }) {
-                let config = VplShootConfig { vpls, bounces };
+                let config = VplShootConfig { vpls, bounces: Some(bounces), ..VplShootConfig::default() };
+                let [_, all] = config.room(1);
                 let gap = |slot: u32| hash(slot).is_multiple_of(gaps);
                 let slot = |slot| Vpl {
                     path: slot,
                     flux: if gap(slot) { [0.0; 3] } else { [1.0; 3] },
                     ..Vpl::default()
                 };
-                let data: Vec<Vpl> = (0..config.slots()).map(slot).collect();
+                let data: Vec<Vpl> = (0..all).map(slot).collect();
                 let mut g = Graph::new();
-                let slots = g.buffer("slots", bytes(&config));
+                let slots = g.buffer("slots", bytes(all));
                 g.upload("slots", slots, bytemuck::cast_slice(&data).to_vec());
-                let vpls = compact(&mut g, &config, &Paths { slots }, subsets);
-                let (list, count) = (g.read_buffer::<Vpl>(vpls.list), g.read_buffer::<u32>(vpls.count));
+                let count = g.buffer("count", 4 * (u64::from(subsets) + 2));
+                let list = close_gaps(&mut g, &config, slots, count, subsets);
+                let (list, count) = (g.read_buffer::<Vpl>(list), g.read_buffer::<u32>(count));
                 let mut run = executor.run(g, &RunOptions::default()).unwrap();
                 let (list, count) = (run.take(list), run.take(count));
 
                 let what = format!("{config:?}, {subsets} subsets, gaps {gaps}");
-                let kept: Vec<u32> = (0..config.slots()).filter(|&slot| !gap(slot)).collect();
+                let kept: Vec<u32> = (0..all).filter(|&slot| !gap(slot)).collect();
                 assert_eq!(count[0] as usize, kept.len(), "{what}");
                 assert!(list.iter().zip(&kept).all(|(vpl, &slot)| vpl.path == slot), "{what}");
                 for (subset, &start) in (0..=subsets).zip(&count[1..]) {

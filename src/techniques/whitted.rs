@@ -1,8 +1,8 @@
 //! Direct light and specular paths (Whitted 1980; Marques & Santos 2010, §4).
 //!
 //! `direct`: emission and, with a shadow ray to every light, direct light on primary hits; the environment where there
-//! are none. Emissive triangles and the environment get `light_samples` stratified rays together, chosen in proportion to
-//! power. With `indirect.glossy` all lobes reflect that are no mirrors, else the Lambertian part alone.
+//! are none. Emissive triangles, the environment and lights without size if they are more than 8 get `light_samples`
+//! stratified rays together, chosen as `light_choice` says. With `indirect.glossy` all lobes reflect that are no mirrors, else the Lambertian part alone.
 //! `specular`: the tree of mirrored and transmitted rays behind primary hits, with emission, direct light and
 //! (at full resolution, from every VPL, as in the paper) indirect light where they end. Four passes: `tree`
 //! follows the rays and lists the points they end at, `sort` brings them into spatial order, `light` lights the
@@ -24,6 +24,7 @@
 //! Cost: one shadow ray a light and `light_samples`, twice as many on glossy surfaces; behind mirrors and glass also one a
 //! VPL.
 
+use super::radiance_cache::{Cache, Points};
 use super::setting::{BadValue, Settings, within};
 use super::{Kernels, gbuffer::GBuffer, vpl_shoot::Vpls};
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
@@ -55,8 +56,9 @@ pub struct WhittedConfig {
     /// mirrors; lobes above it count with `indirect.glossy`. Ours: the paper does not say.
     pub mirror_roughness: f32,
     /// Shadow rays from a point to emissive triangles and the environment together, 1 … 4096, and with `indirect.glossy` as
-    /// many again by the lobes of glossy surfaces; lights without size get one each. More: smoother penumbrae and
-    /// highlights; time in proportion. No bias. Ours: the paper's lights are points.
+    /// many again by the lobes of glossy surfaces. Lights without size get one each, or a share of these where they are
+    /// more than 8 and `light_choice` is `tree`. More: smoother penumbrae and highlights; time in proportion. No bias. Ours:
+    /// the paper's lights are points.
     pub light_samples: u32,
 }
 
@@ -76,9 +78,10 @@ impl Settings for WhittedConfig {
 
 impl WhittedConfig {
     /// Sources that light a point at most: lights, samples of those that have a size, VPLs, rays of its lobes.
-    fn sources(&self, k: &Kernels, vpls: &Vpls) -> u32 {
-        let samples = if k.area_lights() { self.light_samples } else { 0 };
-        k.lights() + samples + vpls.slots + if k.glossy_lobes() { samples } else { 0 }
+    fn sources(&self, k: &Kernels, vpls: &Vpls, vpl_share: u32) -> u32 {
+        let samples = if k.samples_lights() { self.light_samples } else { 0 };
+        let vpls = vpls.slots.div_ceil(vpl_share);
+        k.asked_lights() + samples + vpls + if k.glossy_lobes() { samples } else { 0 }
     }
 }
 
@@ -86,7 +89,7 @@ impl WhittedConfig {
 pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
     g.group("whitted", |g| {
         let out = g.image("direct", g.desc(gb.albedo));
-        let samples = if k.area_lights() { config.light_samples } else { 1 };
+        let samples = if k.samples_lights() { config.light_samples } else { 1 };
         for first in (0..samples).step_by(RANGE as usize) {
             let bind = kernels::direct::Bind {
                 hits: gb.hits,
@@ -119,9 +122,12 @@ pub struct Reflections {
     /// Points that a list holds. Those beyond are lit where they are found: slower, the same light.
     capacity: u32,
     min_distance: f32,
+    /// Where points send rays: one VPL in so many lights them.
+    vpl_share: Option<u32>,
 }
 
-/// Follows mirrors and glass in the first strip; `None` where the scene has neither or no specular bounce is asked for.
+/// Follows mirrors and glass in the first strip; `vpl_share`: one VPL in so many lights a point, where points send rays,
+/// too. `None` where the scene has neither or no specular bounce is asked for.
 pub fn tree(
     g: &mut Graph,
     k: &Kernels,
@@ -129,6 +135,7 @@ pub fn tree(
     gb: &GBuffer,
     vpls: &Vpls,
     min_distance: f32,
+    vpl_share: Option<u32>,
 ) -> Option<Reflections> {
     (k.specular() && (config.specular_depth > 0 || k.sheer())).then(|| {
         g.group("whitted", |g| {
@@ -139,7 +146,11 @@ pub fn tree(
             let emitted = g.image("emitted", desc);
             let last = g.image("last", desc.with_format(Format::R32Uint));
             let points = g.buffer("points", u64::from(capacity) * size_of::<Reached>() as u64);
-            let known = if k.glossy() || k.area_lights() || k.scene.curved { capacity } else { 1 };
+            let known = if vpl_share.is_some() || k.glossy() || k.samples_lights() || k.scene.curved {
+                capacity
+            } else {
+                1
+            };
             let seen = g.buffer("seen", u64::from(known) * size_of::<Seen>() as u64);
             let order = g.buffer("order", u64::from(capacity) * 4);
             let args = point_args(g);
@@ -155,6 +166,7 @@ pub fn tree(
                 rows,
                 capacity,
                 min_distance,
+                vpl_share,
             };
             follow(g, k, &reflections, vpls, args, 0);
             reflections
@@ -189,7 +201,13 @@ fn follow(g: &mut Graph, k: &Kernels, r: &Reflections, vpls: &Vpls, args: Res<Bu
     let end_row = end_row(g, r, first_row);
     let params = tree::Params { capacity, range: RANGE, min_distance, first_row, end_row };
     let grid = strip(g, r);
-    g.pass("tree", &tree::kernel(&k.scene), bind, params, grid);
+    g.pass(
+        "tree",
+        &tree::kernel(tree::Spec { senders: r.vpl_share.is_some() }, &k.scene),
+        bind,
+        params,
+        grid,
+    );
 }
 
 fn end_row(g: &Graph, r: &Reflections, first_row: u32) -> u32 {
@@ -212,16 +230,17 @@ fn room(capacity: u32) -> u32 {
     capacity.saturating_mul(RANGE).min(ROOM).max(capacity)
 }
 
-/// Radiance through mirrors and glass: the points lit by all lights and VPLs.
+/// Radiance through mirrors and glass: the points lit by all lights and VPLs, and by what their rays find in a `cache`.
 pub fn specular(
     g: &mut Graph,
     k: &Kernels,
     config: &WhittedConfig,
     reflections: &Reflections,
     vpls: &Vpls,
+    cache: Option<&Cache>,
 ) -> Res<Image> {
     let &Reflections { emitted, last, points, seen, order, rows, capacity, min_distance, .. } = reflections;
-    let sources = config.sources(k, vpls);
+    let sources = config.sources(k, vpls, reflections.vpl_share.unwrap_or(1));
     g.group("whitted", |g| {
         let parts = g.buffer("parts", u64::from(room(capacity)) * 12);
         let out = g.image("specular", g.desc(emitted));
@@ -243,6 +262,9 @@ pub fn specular(
                 let params = collect::Params { capacity, first, last: range };
                 let grid = Grid::Indirect { buffer: args, offset: offset_of!(PointArgs, collect) as u64 };
                 g.pass("collect", &collect::kernel(&k.scene), bind, params, grid);
+            }
+            if let Some(cache) = cache {
+                cache.gather_points(g, k, &Points { list: points, seen, order, args, capacity });
             }
             let bind = sum::Bind { emitted, last, points, out_radiance: out };
             let params = sum::Params { first_row, end_row: end_row(g, reflections, first_row) };

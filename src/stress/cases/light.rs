@@ -120,7 +120,8 @@ fn clamp(lab: &mut Lab<'_>, config: &RenderConfig) -> Result<Measured, Error> {
     let mut sides = sides(lab, config, &BRIGHT)?;
     let radiance = sides.iter().map(mean).sum::<f64>() / 6.0;
     let (albedo, area) = (0.8_f64, 6.0 * f64::from(scenes::CUBE_SIDE).powi(2));
-    let powers: f64 = (1..=config.vpl_shoot.bounces).map(|k| albedo.powi(k as i32)).sum();
+    let missing = config.vpl_shoot.bounces.map_or(0.0, |bounces| albedo.powi(bounces as i32));
+    let powers = albedo * (1.0 - missing) / (1.0 - albedo);
     let irradiance = 4.0 * PI / area * powers;
     let value = (PI / albedo * radiance / irradiance - 1.0).abs();
     Ok(Measured::new(value, [("one side", sides.swap_remove(0))]))

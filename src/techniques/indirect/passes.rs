@@ -1,8 +1,6 @@
 //! The stages in their order.
 
-use super::{
-    Filter, IndirectConfig, Missing, SampleGrid, Scope, Upsample, compensate, downsample, interleave,
-};
+use super::{Filter, IndirectConfig, Missing, SampleGrid, Scope, Upsample, downsample, interleave};
 use crate::graph::{Buffer, Graph, Image, Res};
 use crate::shaders::MissingArgs;
 use crate::techniques::Kernels;
@@ -39,13 +37,7 @@ pub fn gather(
     let first_cell = gbuffer.origin.map(|pixel| pixel / config.downsample);
     let end = |axis: usize| (gbuffer.origin[axis] + window[axis]).div_ceil(config.downsample);
     let extent = [0, 1].map(|axis| end(axis) - first_cell[axis]);
-    let gathered = g.group("indirect", |g| {
-        let gathered = super::gather::gather(g, &s, &SampleGrid { first_cell, extent });
-        if s.compensates() {
-            compensate::compensate(g, &s, gathered);
-        }
-        gathered
-    });
+    let gathered = g.group("indirect", |g| super::gather::gather(g, &s, &SampleGrid { first_cell, extent }));
     Samples { gathered, min_distance }
 }
 
@@ -90,9 +82,6 @@ pub fn reconstruct(
         };
         let regathered = (config.upsample == Upsample::Plane).then(|| {
             super::gather::regather(g, &s, missing, irradiance);
-            if s.compensates() {
-                compensate::compensate_missing(g, &s, missing, irradiance);
-            }
             missing.args
         });
         Indirect { irradiance, regathered }

@@ -580,6 +580,7 @@ fn many_submits_are_one_frame() {
         origin: [0, 0],
         extent: size,
         area: scene.area() as f32,
+        free_path: None,
         means: None,
         taken: 0,
         samples: 0,

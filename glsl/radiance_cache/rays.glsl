@@ -1,0 +1,167 @@
+// Rays from a surface to others, whose light the cache knows. They bring what VPLs leave out: of the diffuse part light from
+// what is nearer than bounding allows, of glossy lobes all, and whatever comes by way of mirrors and glass.
+#ifndef RADIANCE_CACHE_RAYS_GLSL
+#define RADIANCE_CACHE_RAYS_GLSL
+
+#include "indirect/bounding.glsl"
+#include "lib/bsdf.glsl"
+#include "lib/albedo.glsl"
+#include "lib/glossy.glsl"
+#include "lib/lights.glsl"
+#include "lib/media.glsl"
+#include "lib/receiver.glsl"
+#include "lib/sheer.glsl"
+#include "trace/trace.glsl"
+
+// What a ray ends at.
+struct End {
+    bool found;
+    Surface surface;
+    bool front;
+    vec3 weight;   // of its irradiance
+    vec3 radiance; // that the ray found on its way, by way of mirrors and glass alone
+    float way;     // m, all of it
+    float spread;  // of the lobe, as a slope
+};
+
+const uint SET_DIFFUSE = 0u;
+const uint SET_LOBE = 1u;
+const uint SET_LOBE_CHOICE = 2u;
+const uint SET_CHOICE = 3u;
+const uint SET_LIGHT = 4u;
+
+struct Sender {
+    Surface surface;
+    GlossySurface glossy;
+    Layers lobes;      // alone
+    uint diffuse_rays; // the first of all
+    uint lobe_rays;
+};
+
+// How rays are shared out: by what the diffuse part and the lobes reflect, one each at least.
+Sender sender_of(Surface surface, bool front, vec3 to_viewer, uint rays, bool diffuse) {
+    Sender s;
+    s.surface = surface;
+    s.diffuse_rays = diffuse ? rays : 0u;
+    s.lobe_rays = 0u;
+    if (GLOSSY) {
+        s.glossy = glossy_surface(surface, front, to_viewer);
+        if (has_glossy_lobe(s.glossy)) {
+            s.lobes = layers_of(s.glossy.surface, front, to_viewer, LOBE_GLOSSY);
+            float share = diffuse ? 1.0 - s.glossy.layers.p_diffuse : 1.0;
+            s.lobe_rays = clamp(uint(ceil(float(rays) * share)), 1u, diffuse ? max(rays, 2u) - 1u : rays);
+            if (diffuse) s.diffuse_rays = max(rays - s.lobe_rays, 1u);
+        }
+    }
+    return s;
+}
+
+// Ray `i`. `weight`: of irradiance over π, or by a lobe f·cosθ over its density; `spread`: of the lobe, as a slope.
+bool send(Sender s, uint i, uint seed, out vec3 origin, out vec3 direction, out vec3 weight, out float spread) {
+    weight = vec3(1.0);
+    spread = 0.25;
+    if (GLOSSY && i >= s.diffuse_rays) {
+        uint j = i - s.diffuse_rays;
+        BsdfSample b;
+        vec3 u = vec3(sobol(j, hash(seed, SET_LOBE)), sobol(j, hash(seed, SET_LOBE_CHOICE)).x);
+        if (!sample_layers(s.glossy.surface, s.glossy.front, s.glossy.to_viewer, u, LOBE_GLOSSY, s.lobes, b)) return false;
+        direction = b.direction;
+        weight = b.weight;
+        spread = clamp(s.glossy.layers.alpha, 0.02, 0.25);
+    } else {
+        // Density cosθ/π.
+        direction = basis_around(s.surface.normal) * sample_cosine_hemisphere(sobol(i, hash(seed, SET_DIFFUSE)));
+        if (dot(s.surface.side_normal, direction) <= 0.0) return false;
+    }
+    origin = leave(s.surface, direction);
+    return true;
+}
+
+// Lamps found by way of mirrors and glass are bright and rare. A ray brings no more of them than a share of what is known to
+// arrive already.
+const float LAMP_SHARE = 0.25;
+
+vec3 no_more_than(vec3 light, vec3 known) {
+    float most = LAMP_SHARE * sum(known), all = sum(light);
+    return all > most ? light * (most / all) : light;
+}
+
+// Follows a ray to a surface that scatters light. `m`: the distance that bounds VPLs (m); 0 where nothing is left to them.
+End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uint rays) {
+    End end;
+    end.found = false;
+    end.weight = vec3(0.0);
+    end.radiance = vec3(0.0);
+    end.way = 0.0;
+    end.spread = 0.0;
+    bool far = lobe;
+    if (MIRRORS || GLASS) far = true;
+    float reach = far ? 1.0 / 0.0 : 1.2 * m;
+    vec3 throughput = vec3(1.0), absorption = vec3(0.0);
+    uint specular = 0u, met = 0u;
+    bool bent = false, going = true; // by a mirror or glass
+    while (going) {
+        Hit hit;
+        ++rays;
+        if (!trace_closest(origin, direction, 0.0, reach, hit)) {
+            if (ENVIRONMENT && bent) end.radiance += throughput * environment_radiance(direction);
+            going = false;
+            continue;
+        }
+        Surface s = surface_at(hit);
+        bool front = face(s, -direction);
+        float away = distance(origin, s.position);
+        end.way += away;
+        reach -= away;
+        throughput *= transmittance(absorption, away);
+        float covered = coverage(s.material);
+        ++met;
+        if (covered < 1.0 && unit_float(hash(seed, met)) >= covered) {
+            origin = beyond(s, direction);
+            continue;
+        }
+        if (bent && (s.material.flags & MATERIAL_UNLIT) == 0u) end.radiance += throughput * emitted_radiance(s.material, front);
+        float cos_i = clamp(-dot(s.normal, direction), 0.0, 1.0);
+        Split split = followed(s.material, cos_i, front);
+        vec3 albedo = scattered_albedo(s.material, cos_i, front);
+        bool pane = is_pane(s.material);
+        vec3 through = pane ? pane_share(s, direction) : split.transmitted;
+        // Light that VPLs bring does not count.
+        float left = 1.0;
+        if (!lobe && !bent) left = m > 0.0 ? 1.0 - bounded(end.way, m) : 0.0;
+        float a = left > 0.0 ? sum(albedo) : 0.0, r = sum(split.reflected), t = sum(through);
+        if (a + r + t <= 0.0) {
+            going = false;
+            continue;
+        }
+        float u = unit_float(hash(seed, met, 1u)) * (a + r + t);
+        if (u < a) {
+            end.found = true;
+            end.surface = s;
+            end.front = front;
+            end.weight = throughput * albedo * (left * (a + r + t) / a);
+            going = false;
+        } else if (u < a + r) {
+            throughput *= split.reflected * ((a + r + t) / r);
+            direction = reflect_above(direction, s.normal, s.side_normal);
+            origin = leave(s, direction);
+            bent = true;
+            going = ++specular <= scene.specular_depth;
+        } else {
+            throughput *= through * ((a + r + t) / t);
+            if (pane) {
+                origin = beyond(s, direction);
+            } else {
+                direction = transmit(s.material, direction, s.normal, front);
+                origin = offset_origin(s.position, -s.geometric_normal);
+                absorption = absorption_behind(s.material, front, absorption);
+                bent = true;
+                going = ++specular <= scene.specular_depth;
+            }
+        }
+        if (bent) reach = 1.0 / 0.0;
+    }
+    return end;
+}
+
+#endif

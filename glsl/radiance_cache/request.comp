@@ -1,0 +1,63 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Follows the rays of primary hits, keeps what they find and asks for the records of the cells that they end in.
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "lib/camera.glsl"
+#include "lib/counters.glsl"
+#include "radiance_cache/senders.glsl"
+
+layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
+layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
+layout(set = 1, binding = 2, scalar) buffer Table { uint words[]; } table;
+layout(set = 1, binding = 3, scalar) writeonly buffer Wanted { uint slots[]; } wanted;
+layout(set = 1, binding = 4, scalar) buffer Args { WantedArgs at; } args;
+layout(set = 1, binding = 5, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
+layout(set = 1, binding = 6, rgba32f) uniform readonly image2D gathered;
+layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass
+layout(set = 1, binding = 8, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
+layout(push_constant, scalar) uniform Params {
+    uint slots;
+    uint rays;
+    uint first_row;
+    uint end_row;
+    float min_distance;
+    float least_edge;
+} params;
+
+#include "radiance_cache/wanted.glsl"
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, params.first_row);
+    if (any(greaterThanEqual(pixel, ivec2(imageSize(hits).x, params.end_row)))) return;
+    Hit hit = unpack_hit(imageLoad(hits, pixel));
+    vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
+    uint rays = 0u, width = uint(imageSize(hits).x);
+    Sender sender;
+    uint sent = 0u;
+    if (hit.instance != NO_HIT) {
+        Surface surface = surface_at(hit);
+        vec3 to_viewer = direction_to_camera(surface.position);
+        bool front = face(surface, to_viewer);
+        sender = sender_of(surface, front, to_viewer, params.rays, imageLoad(albedo, pixel).rgb != vec3(0.0));
+        sent = sender.diffuse_rays + sender.lobe_rays;
+    }
+    uint seed = sender_seed(uvec2(pixel));
+    vec3 known = imageLoad(gathered, pixel).rgb;
+    for (uint i = 0u; i < params.rays; ++i) {
+        uvec4 kept = uvec4(0u);
+        if (i < sent) {
+            bool lobe = i >= sender.diffuse_rays;
+            vec3 weight;
+            End end = end_of(sender, i, seed, params.min_distance, weight, rays);
+            // Albedo has its share of coverage, lobes have not.
+            if (lobe) weight *= coverage(sender.surface.material);
+            if (GLOSSY && lobe) radiance += no_more_than(weight * end.radiance, known / PI);
+            else irradiance += no_more_than(weight * PI * end.radiance, known);
+            kept = keep_end(end, weight, lobe, params.least_edge, params.slots);
+        }
+        ends.data[(uint(gl_GlobalInvocationID.y) * width + uint(pixel.x)) * params.rays + i] = kept;
+    }
+    imageStore(out_irradiance, pixel, vec4(irradiance, 1.0));
+    imageStore(out_radiance, pixel, vec4(radiance, 1.0));
+    count_rays(rays);
+}

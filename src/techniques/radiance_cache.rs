@@ -1,0 +1,280 @@
+//! A radiance cache in the world (instant caching: Debattista, Dubla, Santos & Chalmers 2009), asked by rays from primary
+//! hits: what VPLs leave out, without the noise of asking a light or a VPL at each of their ends.
+//!
+//! Rays go where the surface scatters light to: as many as [`super::indirect::IndirectConfig::compensation`] says, shared
+//! out over the diffuse part and the lobes by what they reflect. Mirrors and glass are followed. At a surface that scatters
+//! light they count 1 − f(d) for the diffuse part, what bounding took from VPLs (Kollig & Keller 2004), and whole for lobes
+//! and behind mirrors and glass, where no VPL is asked.
+//!
+//! Cells are cubes of a grid, apart for six directions of normals and either side of triangles, their edges about as wide as a ray's footprint. A
+//! record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by 32 samples of the
+//! lights and a run of 128 VPLs. It depends on cell and seed alone, so that crops and tiles keep their bits. The table has
+//! room for 2¹⁹ cells; one that finds no place is lit wherever it is asked for, slower and to the same bits.
+//!
+//! Bias: a record is a mean over its cell, so light leaks as far as a cell's edge, through thin walls on one floor too;
+//! surfaces are seen as Lambertians with the albedo of all that they scatter; records lack light that comes to them by way
+//! of mirrors and glass, and take surfaces nearer than the smallest edge to be lit as they are themselves; of lamps that a
+//! ray finds by way of mirrors and glass it brings a quarter at most of what VPLs bring.
+//! Noise: grain by the rays' directions. Cost: a ray each, and about 250 for a record.
+
+use super::Kernels;
+use super::gbuffer::GBuffer;
+use super::vpl_shoot::Vpls;
+use crate::graph::{Buffer, Graph, Grid, Image, Res};
+use crate::shaders::radiance_cache::{record, request, request_points, resolve, resolve_points};
+use crate::shaders::{PointArgs, WantedArgs};
+use std::mem::offset_of;
+
+/// Cells there is room for.
+const SLOTS: u32 = 1 << 19;
+
+/// Ends of rays that are kept at a time, 16 bytes each.
+const ENDS: u32 = 1 << 22;
+
+/// Distances that decide what rays bring.
+#[derive(Clone, Copy, Debug)]
+pub struct Distances {
+    /// That bounds VPLs (m).
+    pub min_distance: f32,
+    /// The smallest cells' edge (m).
+    pub edge: f32,
+}
+
+/// Edge of the smallest cells, in median ways from what the camera sees to what that sees.
+const EDGE: f32 = 0.06;
+
+/// And at most, in ways that bounding lets rays go to diffuse light.
+const NEAR: f32 = 0.25;
+
+impl Distances {
+    /// For a scene where half of the ways from what the camera sees are shorter than `free_path` (m).
+    #[must_use]
+    pub fn of(min_distance: f32, free_path: Option<f32>) -> Self {
+        // Where nothing sees anything no ray ends in a cell.
+        let edge = EDGE * free_path.unwrap_or(1.0);
+        Self { min_distance, edge: if min_distance > 0.0 { edge.min(NEAR * min_distance) } else { edge } }
+    }
+}
+
+/// Records on the device.
+#[derive(Clone, Copy, Debug)]
+pub struct Cache {
+    cells: Res<Buffer>,
+    records: Res<Buffer>,
+    slots: u32,
+    vpls: Vpls,
+    /// A point sends so many.
+    rays: u32,
+    distances: Distances,
+}
+
+/// Points behind mirrors and glass that send rays, as [`super::whitted`] lists them.
+pub(super) struct Points {
+    pub(super) list: Res<Buffer>,
+    pub(super) seen: Res<Buffer>,
+    pub(super) order: Res<Buffer>,
+    pub(super) args: Res<Buffer>,
+    pub(super) capacity: u32,
+}
+
+/// Irradiance and radiance with what the rays found.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathered {
+    /// At every pixel (W/m²).
+    pub irradiance: Res<Image>,
+    /// That lobes reflect (W/(sr·m²)), where there are any.
+    pub glossy: Option<Res<Image>>,
+}
+
+/// Cells that a pass asks for.
+struct Wanted {
+    slots: Res<Buffer>,
+    args: Res<Buffer>,
+}
+
+/// An empty cache, for `rays` rays of each point.
+pub fn cache(g: &mut Graph, rays: u32, vpls: &Vpls, distances: Distances) -> Cache {
+    of_slots(g, SLOTS, rays, vpls, distances)
+}
+
+/// With room for so many cells, a power of two.
+fn of_slots(g: &mut Graph, slots: u32, rays: u32, vpls: &Vpls, distances: Distances) -> Cache {
+    g.group("radiance_cache", |g| {
+        let cells = g.buffer("cells", 8 * u64::from(slots));
+        let records = g.buffer("records", 12 * u64::from(slots));
+        g.fill("clear", cells, 0);
+        Cache { cells, records, slots, vpls: *vpls, rays, distances }
+    })
+}
+
+impl Cache {
+    fn wanted(&self, g: &mut Graph) -> Wanted {
+        let none = WantedArgs { groups: [0, 1, 1], count: 0 };
+        let args = g.buffer_with("record_args", bytemuck::bytes_of(&none).to_vec());
+        Wanted { slots: g.buffer("wanted", 4 * u64::from(self.slots)), args }
+    }
+
+    fn record(&self, g: &mut Graph, k: &Kernels, wanted: &Wanted) {
+        let bind = record::Bind {
+            vpls: self.vpls.list,
+            count: self.vpls.count,
+            table: self.cells,
+            wanted: wanted.slots,
+            args: wanted.args,
+            records: self.records,
+        };
+        let Distances { edge, .. } = self.distances;
+        let params = record::Params { least_edge: edge, bounces: self.vpls.bounces };
+        let grid = Grid::Indirect { buffer: wanted.args, offset: 0 };
+        g.pass("record", &record::kernel(&k.scene), bind, params, grid);
+    }
+
+    /// Adds what rays of primary hits find to `irradiance`.
+    pub fn gather(&self, g: &mut Graph, k: &Kernels, gb: &GBuffer, irradiance: Res<Image>) -> Gathered {
+        let &Self { slots, rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
+        g.group("radiance_cache", |g| {
+            let desc = g.desc(gb.albedo);
+            let [width, height] = desc.extent;
+            let rows = (ENDS / (width * rays)).clamp(1, height);
+            let found = g.image("found", desc);
+            let glossy = g.image("found_by_lobes", desc);
+            let ends = g.buffer("ends", 16 * u64::from(width * rows * rays));
+            for first_row in (0..height).step_by(rows as usize) {
+                let end_row = (first_row + rows).min(height);
+                let wanted = self.wanted(g);
+                let bind = request::Bind {
+                    hits: gb.hits,
+                    albedo: gb.albedo,
+                    table: self.cells,
+                    wanted: wanted.slots,
+                    args: wanted.args,
+                    ends,
+                    gathered: irradiance,
+                    out_irradiance: found,
+                    out_radiance: glossy,
+                };
+                let params = request::Params { slots, rays, first_row, end_row, min_distance, least_edge };
+                let strip = Grid::Of([width, end_row - first_row, 1]);
+                g.pass("request", &request::kernel(&k.scene), bind, params, strip);
+                self.record(g, k, &wanted);
+                let bind = resolve::Bind {
+                    hits: gb.hits,
+                    albedo: gb.albedo,
+                    vpls: self.vpls.list,
+                    count: self.vpls.count,
+                    table: self.cells,
+                    records: self.records,
+                    ends,
+                    gathered: irradiance,
+                    irradiance: found,
+                    radiance: glossy,
+                };
+                let params = resolve::Params {
+                    slots,
+                    rays,
+                    first_row,
+                    end_row,
+                    min_distance,
+                    least_edge,
+                    bounces: self.vpls.bounces,
+                };
+                g.pass("resolve", &resolve::kernel(&k.scene), bind, params, strip);
+            }
+            Gathered { irradiance: found, glossy: k.glossy_lobes().then_some(glossy) }
+        })
+    }
+
+    /// Adds what rays of listed points find to their light.
+    pub(super) fn gather_points(&self, g: &mut Graph, k: &Kernels, points: &Points) {
+        let &Self { slots, rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
+        let &Points { list, seen, order, args, capacity } = points;
+        let step = (ENDS / rays).min(capacity);
+        let ends = g.buffer("ends", 16 * u64::from(step * rays));
+        let grid = Grid::Indirect { buffer: args, offset: offset_of!(PointArgs, collect) as u64 };
+        for first in (0..capacity).step_by(step as usize) {
+            let last = first + step;
+            let wanted = self.wanted(g);
+            let bind = request_points::Bind {
+                list: args,
+                points: list,
+                seen,
+                order,
+                table: self.cells,
+                wanted: wanted.slots,
+                args: wanted.args,
+                ends,
+            };
+            let params =
+                request_points::Params { slots, rays, capacity, first, last, min_distance, least_edge };
+            g.pass("request_points", &request_points::kernel(&k.scene), bind, params, grid);
+            self.record(g, k, &wanted);
+            let bind = resolve_points::Bind {
+                list: args,
+                points: list,
+                seen,
+                order,
+                vpls: self.vpls.list,
+                count: self.vpls.count,
+                table: self.cells,
+                records: self.records,
+                ends,
+            };
+            let params = resolve_points::Params {
+                slots,
+                rays,
+                capacity,
+                first,
+                last,
+                min_distance,
+                least_edge,
+                bounces: self.vpls.bounces,
+            };
+            g.pass("resolve_points", &resolve_points::kernel(&k.scene), bind, params, grid);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::common;
+    use crate::config::RenderConfig;
+    use crate::renderer::{BackendChoice, Renderer, RendererOptions};
+    use crate::scene::builtin;
+    use crate::techniques::{gbuffer, vpl_shoot};
+    use crate::vk::Backend;
+
+    /// Irradiance that rays bring in a room with a mirror, as bits.
+    fn brought(renderer: &mut Renderer, slots: u32) -> Vec<[u32; 4]> {
+        let config = RenderConfig { size: [24, 18], ..RenderConfig::default() };
+        let camera = renderer.scene().cameras[0].clone();
+        let k = renderer.kernels(config.whitted.mirror_roughness).with_indirect(&config.indirect);
+        let mut g = Graph::new();
+        let gb = gbuffer::gbuffer(&mut g, &k, [0, 0], config.size);
+        let paths = vpl_shoot::paths(&mut g, &k, &config.vpl_shoot, 1);
+        let vpls = vpl_shoot::compact(&mut g, &k, &config.vpl_shoot, &paths, 1);
+        let desc = g.desc(gb.albedo);
+        let dark = g.image("dark", desc);
+        g.clear_image("dark", dark);
+        let cache = of_slots(&mut g, slots, 4, &vpls, Distances { min_distance: 4.0, edge: 0.2 });
+        let found = cache.gather(&mut g, &k, &gb, dark);
+        let ticket = g.read_image(found.irradiance);
+        renderer.run(g, &config, &camera).unwrap().take(ticket)
+    }
+
+    /// A cell that finds no place in the table is lit to the same bits.
+    #[test]
+    fn a_full_table_changes_no_bit() {
+        let Some((_guard, device)) = common::device() else { return };
+        let scene = builtin::by_name("cornell").unwrap();
+        let options = RendererOptions {
+            backend: BackendChoice::Force(Backend::Software),
+            ..RendererOptions::default()
+        };
+        let mut renderer = Renderer::new(&device, scene, &options).unwrap();
+        let [roomy, narrow] = [1 << 14, 16].map(|slots| brought(&mut renderer, slots));
+        let lit = roomy.iter().filter(|texel| f32::from_bits(texel[0]) > 0.0).count();
+        assert!(2 * lit > roomy.len(), "{lit} of {} pixels get anything", roomy.len());
+        assert!(roomy == narrow);
+    }
+}
