@@ -56,7 +56,8 @@ fn chart(scene: &str) -> Chart {
     let depth = json!(64);
     let fast = json!({
         "method": "igi", "indirect.downsample": 4, "indirect.upsample": "plane", "indirect.interleave": 3,
-        "indirect.filter": "combined", "indirect.glossy": false, "shadow_terminator": false, "path_trace.max_depth": depth,
+        "indirect.filter": "combined", "indirect.glossy": false, "shadow_terminator": false, "vpl_shoot.bounces": 3,
+        "vpl_shoot.lobes": false, "vpl_shoot.guided": false, "path_trace.max_depth": depth,
         "path_trace.pixel_filter": "center",
     });
     let path = |spp: u32| json!({ "method": "path", "path_trace.spp": spp, "path_trace.max_depth": depth });
