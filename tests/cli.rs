@@ -737,9 +737,10 @@ fn a_picture_that_rests_on_few_light_paths_says_so() {
         let light = common::mean(&exr(&folder, "a.exr").channels["indirect.G"]);
         (stderr(&out), stdout(&out), share, light)
     };
+    let plainly = ["-D", "vpl_shoot.guided=false"];
     let mut drawn = Vec::new();
     for seed in ["0", "1", "2", "3", "4", "5", "6", "7"] {
-        let (notes, text, share, light) = draw(seed, &[]);
+        let (notes, text, share, light) = draw(seed, &plainly);
         let seen = (60.0 * share).round();
         println!("seed {seed}: {seen} of 60 paths, indirect light {light}");
         assert!(text.contains(&format!("of 60 paths ({:.1} % seen)", 100.0 * share)), "{text}");
@@ -752,8 +753,10 @@ fn a_picture_that_rests_on_few_light_paths_says_so() {
         drawn.push(seen);
     }
     assert!(drawn.contains(&0.0) && drawn.iter().any(|&seen| seen > 0.0), "{drawn:?}");
-    let (notes, _, share, _) = draw("0", &["--vpls", "6000"]);
+    let (notes, _, share, _) = draw("0", &[&plainly[..], &["--vpls", "6000"]].concat());
     assert!(!notes.contains("light paths") && (0.001..0.2).contains(&share), "{share}: {notes}");
+    let (_, _, aimed, _) = draw("0", &["--vpls", "6000"]);
+    assert!(aimed > 2.0 * share, "{aimed} of paths that are aimed, {share} of others");
 }
 
 #[test]

@@ -293,7 +293,7 @@ fn virtual_point_lights_shine_through_panes() {
         let mut renderer = renderer(&device, scene, Backend::Software);
         let mut config = vpls(10);
         // Rays count diffuse bounces alone, as light paths do: in the end all light is there.
-        config.vpl_shoot.vpls = 4096;
+        config.vpl_shoot.vpls = 8192;
         config.vpl_shoot.bounces = None;
         config.indirect.min_distance = Some(0.3);
         config.indirect.compensation = 8;
