@@ -51,7 +51,7 @@ impl Drawing {
         sample: u32,
     ) -> FrameResources {
         let Self { config, kernels, window, free_path, .. } = self;
-        let info = &FrameInfo { free_path: *free_path, ..info.clone() };
+        let info = &FrameInfo { free_path: *free_path, ..*info };
         let mut drawn = (config.method.record)(g, kernels, config, info);
         let mut images = vec![drawn.beauty];
         images.extend(layers.iter().map(|&aov| drawn.image(g, kernels, aov)));
