@@ -244,7 +244,7 @@ const TRIALS: &[Trial] = &[
     ),
     fails("ajar", &[], "few virtual lights see the room"),
     fails("wires", &[], "60 paths are few where chance ends them"),
-    holds("wires", &["vpl_shoot.bounces=3"]),
+    holds("wires", &["vpl_shoot.vpls=1440"]),
     fails("wires", &["indirect.downsample=4"], "no sample fits posts"),
     fails(
         "wires",
@@ -258,7 +258,7 @@ const TRIALS: &[Trial] = &[
         &["indirect.interleave=3", "indirect.filter=combined"],
         "60 paths are few where chance ends them",
     ),
-    holds("bumpy", &["indirect.interleave=3", "indirect.filter=combined", "vpl_shoot.bounces=3"]),
+    holds("bumpy", &["indirect.interleave=3", "indirect.filter=combined", "vpl_shoot.vpls=1440"]),
     fails("popping", &[], "virtual lights jump"),
     holds("popping", &["vpl_shoot.vpls=2048"]),
     holds("switched-off", &[]),
