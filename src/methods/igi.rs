@@ -244,7 +244,6 @@ const TRIALS: &[Trial] = &[
     ),
     fails("ajar", &[], "few virtual lights see the room"),
     fails("wires", &[], "60 paths are few where chance ends them"),
-    holds("wires", &["vpl_shoot.vpls=1440"]),
     fails("wires", &["indirect.downsample=4"], "no sample fits posts"),
     fails(
         "wires",
