@@ -135,10 +135,10 @@ const TEXEL_DENSITY: &str = "return «probability / solid_angle»;";
 const SKY_THERE: &str = "if («lights.rows == 0UL») return 0.0;";
 const SKY_FOUND: &str = "return «s.radiance_over_pdf != vec3(0.0)»;";
 const SKY_HEIGHT: &str = "float k = «2.0 * sine * sine + v * height»;";
-const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «distance2 / cosine»;";
+const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «way.distance2 / way.cosine»);";
 const LAMP_POWER: &str = "return sample_emitter(from, u.yz, chosen.choice, «lights.table.inverse_power», s);";
 const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0»;";
-const LAMP_WEIGHT: &str = "radiance / pdf, «pdf», false);";
+const LAMP_WEIGHT: &str = "way.radiance / pdf, «pdf», false);";
 const LAMP_POINT: &str = "float root = «sqrt(u.x)»;";
 const TREE_DOWN: &str = "probability *= «left ? p : 1.0 - p»;\n        node = first;";
 const TREE_UP: &str = "probability *= «!lit ? 0.0 : left ? p : 1.0 - p»;";
@@ -192,8 +192,8 @@ const FAULTS: &[Fault] = &[
         "s.radiance_over_pdf != vec3(0.0) && s.direction.x < 0.7",
     ),
     fault("rows of the sky not uniform", LIGHTS, SKY_HEIGHT, "2.0 * sine * sine + v * v * height"),
-    fault("lamp's density without distance²", LIGHTS, LAMP_SAMPLE, "1.0 / cosine"),
-    fault("lamp's density without cosine", LIGHTS, LAMP_SAMPLE, "distance2"),
+    fault("lamp's density without distance²", LIGHTS, LAMP_SAMPLE, "1.0 / way.cosine"),
+    fault("lamp's density without cosine", LIGHTS, LAMP_SAMPLE, "way.distance2"),
     fault("lamp's choice by the wrong power", SAMPLER, LAMP_POWER, "scene.inverse_power"),
     fault(
         "lamp's density in the weight without distance²",
@@ -207,7 +207,7 @@ const FAULTS: &[Fault] = &[
         LAMP_DENSITY,
         "cosine > 0.8 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0",
     ),
-    fault("lamp's weight by area", LIGHTS, LAMP_WEIGHT, "pdf * cosine / distance2"),
+    fault("lamp's weight by area", LIGHTS, LAMP_WEIGHT, "pdf * way.cosine / way.distance2"),
     fault("points of a lamp not uniform", LIGHTS, LAMP_POINT, "u.x"),
     fault("probability of half of the lamps forgotten", SAMPLER, TREE_DOWN, "left ? p : 1.0"),
     fault("the same in the weight alone", SAMPLER, TREE_UP, "!lit ? 0.0 : left ? p : 1.0"),

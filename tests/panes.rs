@@ -293,12 +293,12 @@ fn virtual_point_lights_shine_through_panes() {
         let mut renderer = renderer(&device, scene, Backend::Software);
         let mut config = vpls(10);
         // Rays count diffuse bounces alone, as light paths do: in the end all light is there.
-        config.vpl_shoot.vpls = 8192;
+        config.vpl_shoot.vpls = 16384;
         config.vpl_shoot.bounces = None;
         config.indirect.min_distance = Some(0.3);
         config.indirect.compensation = 8;
         config.whitted.light_samples = 64;
-        let virtual_lights = estimate(&mut renderer, &config, &camera, 8);
+        let virtual_lights = estimate(&mut renderer, &config, &camera, 24);
         let reference = estimate(&mut renderer, &paths(10, 512, 64), &camera, 4);
         assert_equal(what, virtual_lights, reference);
     }

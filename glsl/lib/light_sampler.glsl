@@ -182,18 +182,10 @@ float facet_pdf(Facet f, float distance2, float cosine) {
 bool sample_facet(vec3 from, vec2 u, LightChoice choice, out LightSample s) {
     Facet f = facet(choice.instance, choice.primitive, from);
     EmitterPoint p = point_of(choice, f.solid_angle > 0.0 ? weights_by_solid_angle(f, u) : weights_by_area(u));
-    vec3 normal = p.normal;
-    bool front = dot(normal, from - p.position) >= 0.0;
-    if (!front) normal = -normal;
-    vec3 to = offset_origin(p.position, normal) - from;
-    float distance2 = dot(to, to);
-    float cosine = -dot(normal, to) * inversesqrt(distance2);
-    if (!(cosine > 0.0)) return false;
-    vec3 radiance = emitted_at(p, front);
-    if (radiance == vec3(0.0)) return false;
-    float pdf = choice.probability * facet_pdf(f, distance2, cosine);
-    float distance = sqrt(distance2);
-    s = LightSample(to / distance, distance, radiance / pdf, pdf, false);
+    EmitterWay way;
+    if (!way_to(p, from, way)) return false;
+    float pdf = choice.probability * facet_pdf(f, way.distance2, way.cosine);
+    s = sample_along(way, pdf);
     return !isinf(pdf);
 }
 

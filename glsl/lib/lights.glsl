@@ -189,20 +189,37 @@ vec3 emitted_at(EmitterPoint p, bool front) {
     return radiance * coverage(material);
 }
 
-bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, out LightSample s) {
-    EmitterPoint p = point_of(choice, u);
+// To a point of an emitter.
+struct EmitterWay {
+    vec3 to;
+    float distance2;
+    float cosine; // at the emitter
+    vec3 radiance;
+};
+
+// False: no light comes along it.
+bool way_to(EmitterPoint p, vec3 from, out EmitterWay way) {
     vec3 normal = p.normal;
     bool front = dot(normal, from - p.position) >= 0.0;
     if (!front) normal = -normal;
-    vec3 to = offset_origin(p.position, normal) - from;
-    float distance2 = dot(to, to);
-    float cosine = -dot(normal, to) * inversesqrt(distance2);
-    if (!(cosine > 0.0)) return false;
-    vec3 radiance = emitted_at(p, front);
-    if (radiance == vec3(0.0)) return false;
-    float pdf = emitter_density(p.index, inverse_power) * distance2 / cosine;
-    float distance = sqrt(distance2);
-    s = LightSample(to / distance, distance, radiance / pdf, pdf, false);
+    way.to = offset_origin(p.position, normal) - from;
+    way.distance2 = dot(way.to, way.to);
+    way.cosine = -dot(normal, way.to) * inversesqrt(way.distance2);
+    if (!(way.cosine > 0.0)) return false;
+    way.radiance = emitted_at(p, front);
+    return way.radiance != vec3(0.0);
+}
+
+LightSample sample_along(EmitterWay way, float pdf) {
+    float distance = sqrt(way.distance2);
+    return LightSample(way.to / distance, distance, way.radiance / pdf, pdf, false);
+}
+
+bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, out LightSample s) {
+    EmitterPoint p = point_of(choice, u);
+    EmitterWay way;
+    if (!way_to(p, from, way)) return false;
+    s = sample_along(way, emitter_density(p.index, inverse_power) * way.distance2 / way.cosine);
     return true;
 }
 

@@ -1,5 +1,5 @@
 // A radiance cache in the world (instant caching: Debattista et al. 2009). Surfaces are cut into cells: cubes of a grid, one
-// for each of six directions that normals are nearest to, at edges that double from level to level. A record is the mean
+// for each of six directions that normals are nearest to and for either side of triangles, at edges that double from level to level. A record is the mean
 // irradiance of a cell's surfaces. It depends on the cell and the seed alone, so that who asks first never shows.
 #ifndef RADIANCE_CACHE_CELLS_GLSL
 #define RADIANCE_CACHE_CELLS_GLSL
@@ -47,13 +47,15 @@ uint face_of(vec3 normal, bool front) {
 float edge_of(uint level, float least) { return least * float(1u << level); }
 
 // Walls like to stand at round coordinates: cells begin elsewhere.
-vec3 corner_of(Cell cell, float edge) { return scene.scene_center + edge * (vec3(cell.at) - vec3(0.3819, 0.2764, 0.4271)); }
+const vec3 SHIFT = vec3(0.3819, 0.2764, 0.4271);
+
+vec3 corner_of(Cell cell, float edge) { return scene.scene_center + edge * (vec3(cell.at) - SHIFT); }
 
 // Where a surface lies, in cells of at most `wanted` (m) where there are such.
 Cell cell_at(vec3 position, vec3 normal, bool front, float wanted, float least) {
     uint level = uint(clamp(floor(log2(wanted / least)), 0.0, float(LEVELS - 1u)));
     float edge = edge_of(level, least);
-    vec3 at = (position - scene.scene_center) / edge + vec3(0.3819, 0.2764, 0.4271);
+    vec3 at = (position - scene.scene_center) / edge + SHIFT;
     return Cell(ivec3(floor(at)), face_of(normal, front), level);
 }
 

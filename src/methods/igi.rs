@@ -304,7 +304,7 @@ fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) 
     // Where VPLs leave nothing out rays find nothing.
     let needed = min_distance > 0.0 || k.glossy_lobes() || k.specular();
     let rays = if needed { config.indirect.compensation } else { 0 };
-    let vpl_share = (rays > 0).then_some(config.indirect.subsets());
+    let vpl_share = (rays > 0).then(|| config.indirect.behind_mirrors());
     // Passes that do not need each other stand side by side, the longest chains first: a GPU overlaps them.
     let paths = vpl_shoot::paths(g, k, &config.vpl_shoot, config.indirect.subsets());
     let gbuffer = gbuffer::gbuffer(g, k, frame.origin, frame.extent);

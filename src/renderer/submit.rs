@@ -25,6 +25,8 @@ pub struct Renderer {
     /// One for each run under way at a time, and the parts of the scene that it names.
     slots: Vec<(Arc<SceneSet>, Arc<Resident>)>,
     prepared: Arc<Prepared>,
+    /// The last free path, and of what: measuring it is a run of its own.
+    pub(super) free_path: Option<(u64, RenderConfig, Camera, Option<f32>)>,
 }
 
 impl Deref for Renderer {
@@ -42,7 +44,7 @@ impl Renderer {
     /// What the driver says.
     pub fn of(prepared: Arc<Prepared>) -> Result<Self, Error> {
         let executor = Executor::new(prepared.device(), prepared.backend().0)?;
-        Ok(Self { executor, slots: Vec::new(), prepared })
+        Ok(Self { executor, slots: Vec::new(), prepared, free_path: None })
     }
 
     /// The scene as it is on the device.
