@@ -566,7 +566,7 @@ fn tone_mapping_on_the_host_is_that_of_the_device() {
     let scene = builtin::by_name("office").unwrap();
     let camera = scene.cameras[0].clone();
     let mut renderer = Renderer::new(&device, scene, &RendererOptions::default()).unwrap();
-    let mut config = RenderConfig { size: [40, 30], ..RenderConfig::default() };
+    let mut config = RenderConfig { size: [40, 30], ..common::plain() };
     config.vpl_shoot.vpls = 9;
     // Automatic, and so bright that the operator compresses most of it.
     for exposure in [None, Some(4.0)] {

@@ -177,7 +177,7 @@ fn glare_is_symmetric_and_falls_with_distance() {
 fn no_glare_is_no_pass() {
     let scene = builtin::by_name("cornell").unwrap();
     for method in [&igi::METHOD, &path::METHOD] {
-        let plain = RenderConfig { method, size: [32, 24], ..RenderConfig::default() };
+        let plain = RenderConfig { method, size: [32, 24], ..common::plain() };
         let plan = |config: &RenderConfig| renderer::plan(&scene, config, &[], &Typical).unwrap();
         let paths = |config: &RenderConfig| -> Vec<String> {
             plan(config).passes.iter().map(|pass| pass.path.clone()).collect()
@@ -204,7 +204,7 @@ fn glare_is_in_what_is_shown_alone() {
     let camera = scene.cameras[0].clone();
     let mut renderer = Renderer::new(&device, scene, &RendererOptions::default()).unwrap();
     for method in [&igi::METHOD, &path::METHOD] {
-        let mut config = RenderConfig { method, size: [32, 24], ..RenderConfig::default() };
+        let mut config = RenderConfig { method, size: [32, 24], ..common::plain() };
         (config.vpl_shoot.vpls, config.path_trace.spp) = (9, 3);
         let previews = RefCell::new(Vec::new());
         let show = |frame: &renderer::Frame| previews.borrow_mut().push(frame.display.clone());
@@ -293,7 +293,7 @@ mod denoise {
         let scene = builtin::by_name("cornell").unwrap();
         let camera = scene.cameras[0].clone();
         let mut renderer = Renderer::new(&device, scene, &RendererOptions::default()).unwrap();
-        let mut config = RenderConfig { method: &path::METHOD, size: [48, 48], ..RenderConfig::default() };
+        let mut config = RenderConfig { method: &path::METHOD, size: [48, 48], ..common::plain() };
         config.tone_map.exposure = Some(0.0);
         let mut picture = |spp, seed, denoiser| {
             (config.path_trace.spp, config.seed) = (spp, seed);

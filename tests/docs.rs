@@ -56,7 +56,8 @@ fn chart(scene: &str) -> Chart {
     let depth = json!(64);
     let fast = json!({
         "method": "igi", "indirect.downsample": 4, "indirect.upsample": "plane", "indirect.interleave": 3,
-        "indirect.filter": "combined", "indirect.glossy": false, "shadow_terminator": false, "vpl_shoot.bounces": 3,
+        "indirect.filter": "combined", "indirect.glossy": false, "indirect.compensation": 0,
+        "whitted.light_samples": 16, "vpl_shoot.vpls": 180, "shadow_terminator": false, "vpl_shoot.bounces": 3,
         "vpl_shoot.lobes": false, "vpl_shoot.guided": false, "path_trace.max_depth": depth,
         "path_trace.pixel_filter": "center",
     });
@@ -140,7 +141,7 @@ fn stress() -> Stress {
             row("clamp", "igi", "indirect.min_distance=0", Some(0.01), Holds, None),
             row("clamp", "path", "", Some(0.001), Holds, None),
             row("wires", "igi", "", Some(0.002), Holds, None),
-            row("wires", "igi", "indirect.downsample=4", Some(0.75), FailsAsKnown, Some("no sample fits")),
+            row("wires", "igi", "preset=fast", Some(0.75), FailsAsKnown, Some("no sample fits")),
             row("wires", "path", "path_trace.spp=128", None, Fails, None),
         ],
         images: BTreeMap::new(),
@@ -270,12 +271,12 @@ fn the_page_says_what_was_measured() {
     assert_eq!(cells(igi, clamp)[1..], expected);
     assert!(igi.contains("Holds in wires.") && !igi.contains("no sample fits"));
     let wires = cells(section(&page, "### fast"), "**wires**: Why wires is hard.");
-    assert_eq!(wires[1..3], ["`indirect.downsample=4`", "share lost: 0.750"]);
-    assert!(section(&page, "### fast").contains("Fails as [igi](#igi) does in clamp."));
+    assert_eq!(wires[1..3], ["`preset=fast`", "share lost: 0.750"]);
+    assert!(section(&page, "### fast").contains("Tried with other settings alone in clamp."));
     let path = section(&page, "## path");
     assert!(path.contains("Holds in clamp.") && path.contains("other settings alone in wires."));
     let others = section(&page, "## Other settings under stress");
-    assert!(others.contains("`indirect.min_distance=0`") && !others.contains("`indirect.downsample=4`"));
+    assert!(others.contains("`indirect.min_distance=0`") && !others.contains("`preset=fast`"));
     assert!(others.contains("no picture") && others.contains("FAILS"));
     for words in
         ["2 scenes made to break methods", "another device", "Of 6 results 3 hold, 2 fail as known, 1 fail"]
@@ -422,7 +423,7 @@ fn a_page_of_real_measurements() {
     };
     let room = ["chart", "builtin:two-albedo", "--size", "16x12", "--seeds", "1", "-o", "room", "-q"];
     run(&[&room[..], &["--grid", "grid.toml", "--reference-spp", "64"]].concat());
-    run(&["stress", "--only", "caustic", "--backend", "software", "--size", "16x12", "-o", "stress", "-q"]);
+    run(&["stress", "--only", "caustic", "--backend", "software", "-o", "stress", "-q"]);
     run(&["methods", "--chart", "room", "--stress", "stress"]);
     let page = folder.text("methods.md");
     let data: Value = serde_json::from_str(&folder.text("room/data.json")).unwrap();

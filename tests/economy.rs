@@ -153,21 +153,21 @@ fn of_builtin(name: &str) -> (Scene, Camera) {
 // ---- settings ----
 
 fn preset(name: &str, size: [u32; 2]) -> RenderConfig {
-    let mut config = RenderConfig { size, seed: 3, ..RenderConfig::default() };
+    let mut config = RenderConfig { size, seed: 3, ..common::plain() };
     config.apply_preset(name).unwrap();
     config.vpl_shoot.vpls = 36;
     config
 }
 
 fn glossy(size: [u32; 2]) -> RenderConfig {
-    let mut config = RenderConfig { size, seed: 3, ..RenderConfig::default() };
+    let mut config = RenderConfig { size, seed: 3, ..common::plain() };
     config.vpl_shoot.vpls = 36;
     assert!(config.indirect.glossy);
     config
 }
 
 fn paths(size: [u32; 2], estimator: Estimator) -> RenderConfig {
-    let mut config = RenderConfig { method: &path::METHOD, size, seed: 3, ..RenderConfig::default() };
+    let mut config = RenderConfig { method: &path::METHOD, size, seed: 3, ..common::plain() };
     (config.path_trace.spp, config.path_trace.estimator) = (4, estimator);
     config
 }

@@ -93,7 +93,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 }
 
 fn config(width: u32, height: u32) -> RenderConfig {
-    RenderConfig { size: [width, height], ..RenderConfig::default() }
+    RenderConfig { size: [width, height], ..common::plain() }
 }
 
 fn shooting(size: u32, paths: u32, bounces: u32, min_distance: f32) -> RenderConfig {

@@ -1708,7 +1708,7 @@ fn middle_row(device: &Device, asset: &Asset, aov: Aov) -> Vec<[f32; 3]> {
     assert!(SceneProfile::of(&scene, 0.1).deep_textures);
     let camera = scene.cameras[0].clone();
     let mut renderer = Renderer::new(device, scene, &RendererOptions::default()).unwrap();
-    let config = RenderConfig { size: [ROW, ROW], ..RenderConfig::default() };
+    let config = RenderConfig { size: [ROW, ROW], ..common::plain() };
     let request = FrameRequest { aovs: &[aov], ..FrameRequest::default() };
     let frame = renderer.render(&config, &camera, &request).unwrap();
     let layer = &frame.aovs[0].1;
@@ -2075,7 +2075,7 @@ fn scenes_made_in_code_are_brought_near_by_the_same_rule() {
 fn draw(device: &Device, scene: Scene, backend: Backend, method: &str) -> Frame {
     let camera = scene.cameras[0].clone();
     let options = RendererOptions { backend: BackendChoice::Force(backend), ..RendererOptions::default() };
-    let mut config = RenderConfig { size: [24, 16], ..RenderConfig::default() };
+    let mut config = RenderConfig { size: [24, 16], ..common::plain() };
     config.apply_override(&format!("method={method}")).unwrap();
     config.apply_override("path_trace.spp=4").unwrap();
     config.apply_override("vpl_shoot.vpls=60").unwrap();

@@ -16,9 +16,10 @@ use parhelion::metrics;
 use parhelion::renderer::{Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::sampling::halton;
 use parhelion::scene::{self, Camera, Light, LightKind, LoadOptions, Material, Mesh, Scene, Volume, builtin};
+use parhelion::techniques::gbuffer::{self, GBuffer};
 use parhelion::techniques::path_trace::{PixelFilter, Transport};
 use parhelion::techniques::radiance_cache::{self, Distances};
-use parhelion::techniques::{gbuffer::GBuffer, indirect, vpl_shoot, whitted};
+use parhelion::techniques::{indirect, vpl_shoot, whitted};
 use parhelion::vk::{Backend, Device, Format};
 use std::f32::consts::PI;
 use std::path::Path;
@@ -116,7 +117,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 }
 
 fn config(width: u32, height: u32) -> RenderConfig {
-    RenderConfig { size: [width, height], ..RenderConfig::default() }
+    RenderConfig { size: [width, height], ..common::plain() }
 }
 
 fn shooting(paths: u32, bounces: u32, min_distance: f32) -> RenderConfig {
@@ -208,7 +209,8 @@ fn irradiance_at(
         rays => {
             let distances = Distances { min_distance: m, edge: 0.1 * m };
             let cache = radiance_cache::cache(&mut g, rays, &vpls, distances);
-            cache.gather(&mut g, &kernels, &gb, indirect).irradiance
+            let geometry = gbuffer::unpack(&mut g, &kernels, &gb);
+            cache.gather(&mut g, &kernels, &gb, &geometry, None, indirect).irradiance
         }
     };
     let direct = whitted::direct(&mut g, &kernels, &config.whitted, &gb);

@@ -298,7 +298,7 @@ fn pictures_are_those_of_lights_chosen_by_power() {
         let mut renderer = software(&device, with(lights, sky));
         for method in [&path::METHOD, &igi::METHOD] {
             let camera = Camera::look_at("", Vec3::new(3.0, 1.0, 6.0), Vec3::ZERO, 1.0);
-            let mut config = RenderConfig { method, size: [24, 24], ..RenderConfig::default() };
+            let mut config = RenderConfig { method, size: [24, 24], ..common::plain() };
             config.path_trace.max_depth = Some(3);
             config.path_trace.spp = 16;
             config.vpl_shoot.vpls = 1;

@@ -26,7 +26,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 }
 
 fn config(size: [u32; 2], vpls: u32) -> RenderConfig {
-    let mut config = RenderConfig { size, ..RenderConfig::default() };
+    let mut config = RenderConfig { size, ..common::plain() };
     config.vpl_shoot.vpls = vpls;
     config.vpl_shoot.bounces = Some(1);
     config

@@ -81,8 +81,7 @@ fn renderer(device: &Device, scene: Scene, backend: Backend) -> Renderer {
 }
 
 fn paths(size: u32, spp: u32, max_depth: u32) -> RenderConfig {
-    let mut config =
-        RenderConfig { method: &path::METHOD, size: [size; 2], seed: 11, ..RenderConfig::default() };
+    let mut config = RenderConfig { method: &path::METHOD, size: [size; 2], seed: 11, ..common::plain() };
     config.path_trace.spp = spp;
     config.path_trace.max_depth = Some(max_depth);
     config.path_trace.pixel_filter = PixelFilter::Center;
@@ -90,7 +89,7 @@ fn paths(size: u32, spp: u32, max_depth: u32) -> RenderConfig {
 }
 
 fn vpls(size: u32) -> RenderConfig {
-    RenderConfig { method: &igi::METHOD, size: [size; 2], seed: 11, ..RenderConfig::default() }
+    RenderConfig { method: &igi::METHOD, size: [size; 2], seed: 11, ..common::plain() }
 }
 
 fn picture(renderer: &mut Renderer, config: &RenderConfig, camera: &Camera) -> Vec<f32> {

@@ -83,7 +83,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 }
 
 fn config(width: u32, height: u32, spp: u32, max_depth: u32) -> RenderConfig {
-    let mut config = RenderConfig { method: &path::METHOD, size: [width, height], ..RenderConfig::default() };
+    let mut config = RenderConfig { method: &path::METHOD, size: [width, height], ..common::plain() };
     config.path_trace.spp = spp;
     config.path_trace.max_depth = Some(max_depth);
     config
@@ -562,7 +562,7 @@ fn virtual_point_lights_converge_to_it() {
     for paths in [32u32, 128, 512, 2048] {
         let mut errors: Vec<f64> = (1..=8)
             .map(|seed| {
-                let mut config = RenderConfig { size: [8, 8], seed, ..RenderConfig::default() };
+                let mut config = RenderConfig { size: [8, 8], seed, ..common::plain() };
                 config.vpl_shoot.vpls = paths * bounces;
                 config.vpl_shoot.bounces = Some(bounces);
                 config.indirect.min_distance = Some(0.0);

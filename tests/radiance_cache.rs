@@ -9,7 +9,7 @@ use parhelion::scene::builtin;
 use parhelion::vk::Backend;
 
 fn configuration(assignments: &[&str]) -> RenderConfig {
-    let mut config = RenderConfig::default();
+    let mut config = common::plain();
     assignments.iter().for_each(|assignment| config.apply_override(assignment).unwrap());
     config
 }

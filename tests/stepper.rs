@@ -21,7 +21,7 @@ fn renderer(device: &Device) -> (Renderer, Camera) {
 }
 
 fn config(assignments: &[&str]) -> RenderConfig {
-    let mut config = RenderConfig { size: [24, 18], ..RenderConfig::default() };
+    let mut config = RenderConfig { size: [24, 18], ..common::plain() };
     assignments.iter().for_each(|assignment| config.apply_override(assignment).unwrap());
     config
 }

@@ -51,7 +51,7 @@ fn software(device: &Device, scene: Scene) -> Renderer {
 
 /// Either method, in a picture so wide and high; paths begin at pixels' centres, so many a pixel, and scatter once.
 fn config(path: bool, side: u32, spp: u32) -> RenderConfig {
-    let mut config = RenderConfig { size: [side, side], ..RenderConfig::default() };
+    let mut config = RenderConfig { size: [side, side], ..common::plain() };
     (config.path_trace.spp, config.path_trace.max_depth) = (spp, Some(2));
     config.path_trace.pixel_filter = PixelFilter::Center;
     if path {

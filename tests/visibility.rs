@@ -480,7 +480,7 @@ fn lit_room(mirror: bool) -> (Scene, Camera) {
 }
 
 fn config(visibility: Visibility) -> RenderConfig {
-    let mut config = RenderConfig { size: [16, 12], ..RenderConfig::default() };
+    let mut config = RenderConfig { size: [16, 12], ..common::plain() };
     config.vpl_shoot.vpls = 60;
     config.indirect.visibility = visibility;
     config

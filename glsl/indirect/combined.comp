@@ -53,6 +53,38 @@ vec4 subset_sum(uint subset, Point p, vec2 centre, float radius, float reach) {
     return sum;
 }
 
+// Mean of the samples around, in other tiles, of the subset that the sample at `cell` has, each times its weight for p.
+vec4 same_subset(Point p, uvec2 cell, float reach) {
+    uvec2 tile = cell / INTERLEAVE, place = cell % INTERLEAVE;
+    uint subset = 0u;
+    if (IRREGULAR) {
+        while (cell_of(tile, subset) != cell) ++subset;
+    }
+    vec4 sum = vec4(0.0);
+    ivec2 first = ivec2(first_cell()), size = imageSize(gathered);
+    for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+            ivec2 other = ivec2(tile) + ivec2(x, y);
+            if ((x | y) == 0 || any(lessThan(other, ivec2(0)))) continue;
+            ivec2 at = ivec2(IRREGULAR ? cell_of(uvec2(other), subset) : uvec2(other) * INTERLEAVE + place) - first;
+            if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) continue;
+            vec4 there = imageLoad(normal_depth, at);
+            Point q = Point(there.xyz, there.w, imageLoad(position, at).xyz);
+            float weight = same_plane(p, q, reach, params.least_cosine);
+            if (weight > 0.0) sum += weight * vec4(imageLoad(gathered, at).rgb, 1.0);
+        }
+    }
+    return sum;
+}
+
+// A sample knows how unlike its neighbours it is: by what its own subset brings there. What other subsets bring there, a mean
+// over `others` neighbours, is unlike it in the same way: shadows and lines keep their edges.
+vec3 sharpened(vec3 mean, vec3 own, vec3 around, float others) {
+    vec3 darker = (own + (others * mean - own) * own / max(around, vec3(1e-30))) / others;
+    vec3 brighter = mean + (own - around) * (others - 1.0) / others;
+    return mix(brighter, darker, lessThan(own, around));
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, imageSize(out_irradiance)))) return;
@@ -82,6 +114,11 @@ void main() {
             list_missing(pixel);
         } else if (found > 0u) {
             irradiance /= float(found);
+            if (DOWNSAMPLE == 1u && INTERLEAVE > 1u && found > 1u) {
+                vec4 around = same_subset(p, uvec2(pixel) + scene.window_origin, reach);
+                vec3 own = imageLoad(gathered, pixel).rgb;
+                if (around.w > 0.0) irradiance = sharpened(irradiance, own, around.rgb / around.w, float(found));
+            }
         } else {
             irradiance = imageLoad(gathered, clamp(ivec2(floor(centre + 0.5)), ivec2(0), imageSize(gathered) - 1)).rgb;
         }

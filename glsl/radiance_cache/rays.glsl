@@ -77,13 +77,15 @@ bool send(Sender s, uint i, uint seed, out vec3 origin, out vec3 direction, out 
     return true;
 }
 
-// Lamps found by way of mirrors and glass are bright and rare. A ray brings no more of them than a share of what is known to
-// arrive already.
-const float LAMP_SHARE = 0.25;
-
-vec3 no_more_than(vec3 light, vec3 known) {
-    float most = LAMP_SHARE * sum(known), all = sum(light);
-    return all > most ? light * (most / all) : light;
+// Emission of what a ray meets first.
+vec3 emission_along(vec3 origin, vec3 direction, inout uint rays) {
+    Hit hit;
+    ++rays;
+    if (!trace_closest(origin, direction, 0.0, 1.0 / 0.0, hit)) return ENVIRONMENT ? environment_radiance(direction) : vec3(0.0);
+    Surface s = surface_at(hit);
+    bool front = face(s, -direction);
+    if ((s.material.flags & MATERIAL_UNLIT) != 0u) return vec3(0.0);
+    return coverage(s.material) * emitted_radiance(s.material, front);
 }
 
 // Follows a ray to a surface that scatters light. `m`: the distance that bounds VPLs (m); 0 where nothing is left to them.
@@ -100,11 +102,12 @@ End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uin
     vec3 throughput = vec3(1.0), absorption = vec3(0.0);
     uint specular = 0u, met = 0u;
     bool bent = false, going = true; // by a mirror or glass
+    bool known = false;              // what the next surface emits
     while (going) {
         Hit hit;
         ++rays;
         if (!trace_closest(origin, direction, 0.0, reach, hit)) {
-            if (ENVIRONMENT && bent) end.radiance += throughput * environment_radiance(direction);
+            if (ENVIRONMENT && bent && !known) end.radiance += throughput * environment_radiance(direction);
             going = false;
             continue;
         }
@@ -116,11 +119,13 @@ End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uin
         throughput *= transmittance(absorption, away);
         float covered = coverage(s.material);
         ++met;
+        bool counts = bent && !known;
+        known = false;
         if (covered < 1.0 && unit_float(hash(seed, met)) >= covered) {
             origin = beyond(s, direction);
             continue;
         }
-        if (bent && (s.material.flags & MATERIAL_UNLIT) == 0u) end.radiance += throughput * emitted_radiance(s.material, front);
+        if (counts && (s.material.flags & MATERIAL_UNLIT) == 0u) end.radiance += throughput * emitted_radiance(s.material, front);
         float cos_i = clamp(-dot(s.normal, direction), 0.0, 1.0);
         Split split = followed(s.material, cos_i, front);
         vec3 albedo = scattered_albedo(s.material, cos_i, front);
@@ -133,6 +138,13 @@ End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uin
         if (a + r + t <= 0.0) {
             going = false;
             continue;
+        }
+        // A lamp in a coat that reflects little is too bright to be found as seldom as the coat is chosen.
+        if (r > 0.0 && r < a + r + t && specular < scene.specular_depth) {
+            vec3 mirrored = reflect_above(direction, s.normal, s.side_normal);
+            vec3 share = throughput * split.reflected;
+            end.radiance += share * emission_along(leave(s, mirrored), mirrored, rays);
+            known = true;
         }
         float u = unit_float(hash(seed, met, 1u)) * (a + r + t);
         if (u < a) {
@@ -148,6 +160,7 @@ End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uin
             bent = true;
             going = ++specular <= scene.specular_depth;
         } else {
+            known = false;
             throughput *= through * ((a + r + t) / t);
             if (pane) {
                 origin = beyond(s, direction);

@@ -12,9 +12,8 @@ layout(set = 1, binding = 2, scalar) buffer Table { uint words[]; } table;
 layout(set = 1, binding = 3, scalar) writeonly buffer Wanted { uint slots[]; } wanted;
 layout(set = 1, binding = 4, scalar) buffer Args { WantedArgs at; } args;
 layout(set = 1, binding = 5, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
-layout(set = 1, binding = 6, rgba32f) uniform readonly image2D gathered;
-layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass
-layout(set = 1, binding = 8, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
+layout(set = 1, binding = 6, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass, and whether any was asked for
+layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
 layout(push_constant, scalar) uniform Params {
     uint slots;
     uint rays;
@@ -34,15 +33,16 @@ void main() {
     uint rays = 0u, width = uint(imageSize(hits).x);
     Sender sender;
     uint sent = 0u;
+    bool diffuse = false;
     if (hit.instance != NO_HIT) {
         Surface surface = surface_at(hit);
         vec3 to_viewer = direction_to_camera(surface.position);
         bool front = face(surface, to_viewer);
-        sender = sender_of(surface, front, to_viewer, params.rays, imageLoad(albedo, pixel).rgb != vec3(0.0));
+        diffuse = imageLoad(albedo, pixel).rgb != vec3(0.0);
+        sender = sender_of(surface, front, to_viewer, params.rays, diffuse);
         sent = sender.diffuse_rays + sender.lobe_rays;
     }
     uint seed = sender_seed(uvec2(pixel));
-    vec3 known = imageLoad(gathered, pixel).rgb;
     for (uint i = 0u; i < params.rays; ++i) {
         uvec4 kept = uvec4(0u);
         if (i < sent) {
@@ -51,13 +51,13 @@ void main() {
             End end = end_of(sender, i, seed, params.min_distance, weight, rays);
             // Albedo has its share of coverage, lobes have not.
             if (lobe) weight *= coverage(sender.surface.material);
-            if (GLOSSY && lobe) radiance += no_more_than(weight * end.radiance, known / PI);
-            else irradiance += no_more_than(weight * PI * end.radiance, known);
+            if (GLOSSY && lobe) radiance += weight * end.radiance;
+            else irradiance += weight * PI * end.radiance;
             kept = keep_end(end, weight, lobe, params.least_edge, params.slots);
         }
         ends.data[(uint(gl_GlobalInvocationID.y) * width + uint(pixel.x)) * params.rays + i] = kept;
     }
-    imageStore(out_irradiance, pixel, vec4(irradiance, 1.0));
+    if (MIRRORS || GLASS) imageStore(out_irradiance, pixel, vec4(irradiance, diffuse ? 1.0 : 0.0));
     imageStore(out_radiance, pixel, vec4(radiance, 1.0));
     count_rays(rays);
 }

@@ -13,9 +13,8 @@ layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 4, scalar) readonly buffer Table { uvec2 keys[]; } table;
 layout(set = 1, binding = 5, scalar) readonly buffer Records { vec3 data[]; } records;
 layout(set = 1, binding = 6, scalar) readonly buffer Ends { uvec4 data[]; } ends;
-layout(set = 1, binding = 7, rgba32f) uniform readonly image2D gathered;
-layout(set = 1, binding = 8, rgba32f) uniform image2D irradiance;
-layout(set = 1, binding = 9, rgba32f) uniform image2D radiance;
+layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_irradiance; // and whether any was asked for
+layout(set = 1, binding = 8, rgba32f) uniform image2D radiance;
 layout(push_constant, scalar) uniform Params {
     uint slots;
     uint rays;
@@ -53,7 +52,7 @@ void main() {
         if (GLOSSY && last.y > 0.5) by_lobes += light / PI;
         else by_diffuse += light;
     }
-    imageStore(irradiance, pixel, vec4(imageLoad(gathered, pixel).rgb + (imageLoad(irradiance, pixel).rgb + by_diffuse), 1.0));
+    imageStore(out_irradiance, pixel, vec4(by_diffuse, imageLoad(albedo, pixel).rgb != vec3(0.0) ? 1.0 : 0.0));
     if (GLOSSY) imageStore(radiance, pixel, vec4(imageLoad(radiance, pixel).rgb + by_lobes, 1.0));
     count_rays(rays);
 }

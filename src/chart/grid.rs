@@ -318,8 +318,9 @@ mod tests {
              vpl_shoot = { vpls = [90, 180] }
              [[sweep]]
              vpl_shoot = { vpls = 180, bounces = 3, lobes = false, guided = false }
+             whitted.light_samples = 16
              light_choice = 'power'
-             indirect.glossy = false
+             indirect = { glossy = false, compensation = 0, interleave = 1, filter = 'paper' }
              shadow_terminator = false
              panes = false
              [[sweep]]

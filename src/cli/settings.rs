@@ -114,7 +114,11 @@ mod tests {
         let value = match option.value {
             OptionValue::Whole(_) => Some("2"),
             OptionValue::Number(_) | OptionValue::Distance(_) => Some("0.75"),
-            OptionValue::Word(_, words) => words.last().copied(),
+            OptionValue::Word(_, words) => words.iter().copied().find(|word| {
+                let mut config = RenderConfig::default();
+                config.apply_override(&format!("{}={word}", option.key)).unwrap();
+                config != RenderConfig::default()
+            }),
             OptionValue::Flag => None,
         };
         let words = ["parhelion", "render", "-D", "indirect.visibility=boxes", "--method", method.name];

@@ -208,9 +208,8 @@ fn section(
     for room in rooms.iter().filter(|room| room.points[index].is_none()) {
         let _ = writeln!(text, "Not in the chart of {}.\n", room.title);
     }
-    let plain = ways.iter().find(|other| other.method.name == way.method.name).unwrap_or(way);
     if let Some((file, stress)) = stress {
-        failures(text, way, plain, stress).map_err(|error| unfit(file, &error))?;
+        failures(text, way, stress).map_err(|error| unfit(file, &error))?;
     }
     Ok(())
 }
@@ -314,19 +313,16 @@ fn systematic(point: &Point) -> String {
     point.over_seeds.and_then(|errors| errors.systematic).map_or("–".into(), number)
 }
 
-/// What a way fails at: of a preset in full what is not its method's own.
-fn failures(text: &mut String, way: &Way, plain: &Way, stress: &Stress) -> Result<(), ConfigError> {
+/// What a way fails at.
+fn failures(text: &mut String, way: &Way, stress: &Stress) -> Result<(), ConfigError> {
     let tried = way.tried(&stress.rows)?;
     if tried.rows.is_empty() {
         text.push_str("The stress suite has not tried it.\n\n");
         return Ok(());
     }
-    let of_method = if way.preset.is_some() { plain.tried(&stress.rows)?.rows } else { Vec::new() };
-    let shared = |row: &&Row| of_method.iter().any(|other| std::ptr::eq(*other, *row));
     let (held, failed): (Vec<&Row>, Vec<&Row>) =
         tried.rows.iter().partition(|row| row.verdict == Verdict::Holds && row.known.is_none());
-    let (shared, own): (Vec<&Row>, Vec<&Row>) = failed.into_iter().partition(shared);
-    let rows = own.iter().map(|row| {
+    let rows = failed.iter().map(|row| {
         let mut cells = vec![format!("**{}**: {}", markdown(&row.scene), markdown(&row.mechanism))];
         cells.extend(verdict(row));
         cells
@@ -341,9 +337,6 @@ fn failures(text: &mut String, way: &Way, plain: &Way, stress: &Stress) -> Resul
         scenes.join(", ")
     };
     let mut said = Vec::new();
-    if !shared.is_empty() {
-        said.push(format!("Fails as [{0}](#{0}) does in {1}.", way.method.name, list(&shared)));
-    }
     if !held.is_empty() {
         said.push(format!("Holds in {}.", list(&held)));
     }

@@ -2,7 +2,7 @@
 
 use crate::chart::grid::leaves;
 use crate::chart::reference;
-use crate::config::{ConfigError, PRESETS, Preset, RenderConfig};
+use crate::config::{ConfigError, PRESETS, Preset, RenderConfig, TRIAL_PRESET};
 use crate::methods::{self, Method, REGISTRY};
 use crate::stress::data::Row;
 use serde_json::Value;
@@ -70,16 +70,17 @@ impl Way {
         let mut cases: Vec<(&str, Vec<(usize, &Row)>)> = Vec::new();
         for row in rows.iter().filter(|row| row.method == self.method.name) {
             let mut config = RenderConfig::default();
-            let keys = row.setting.split_whitespace().map(|assignment| {
-                config.apply_override(assignment)?;
-                Ok(assignment.split_once('=').map_or(assignment, |(key, _)| key))
-            });
-            let keys = keys.collect::<Result<Vec<_>, ConfigError>>()?;
+            config.apply_trial(&[], row.setting.split_whitespace())?;
             let others = values(&config);
+            let mut keys: Vec<_> = row.setting.split_whitespace().collect();
+            let preset = keys.first().and_then(|first| first.strip_prefix(TRIAL_PRESET));
+            keys.drain(..usize::from(preset.is_some()));
+            keys.iter_mut().for_each(|key| *key = key.split_once('=').map_or(*key, |(key, _)| key));
             if cases.iter().all(|(scene, _)| *scene != row.scene) {
                 cases.push((&row.scene, Vec::new()));
             }
-            if keys.iter().all(|key| own.get(*key) == others.get(*key))
+            if preset == self.preset.map(|preset| preset.name)
+                && keys.iter().all(|key| own.get(*key) == others.get(*key))
                 && let Some((_, agreeing)) = cases.iter_mut().find(|(scene, _)| *scene == row.scene)
             {
                 agreeing.push((keys.len(), row));
@@ -129,14 +130,17 @@ mod tests {
         let rows = [
             row("crease", "igi", ""),
             row("bumpy", "igi", ""),
-            row("bumpy", "igi", "indirect.interleave=3"),
+            row("bumpy", "igi", "indirect.interleave=2"),
             row("bumpy", "igi", "indirect.interleave=3 indirect.filter=combined"),
+            row("bumpy", "igi", "preset=fast"),
             row("bumpy", "path", ""),
             row("wires", "path", "path_trace.spp=128"),
             row("halton", "igi", "seed=1"),
             row("halton", "igi", "seed=0"),
+            row("halton", "igi", "preset=fast seed=0"),
+            row("halton", "igi", "preset=fast seed=1"),
             row("thin", "igi", "indirect.downsample=4"),
-            row("thin", "igi", "indirect.interleave=3"),
+            row("thin", "igi", "preset=paper-downsampled"),
         ];
         let ways = Way::all();
         let settings = |name: &str| {
@@ -145,14 +149,12 @@ mod tests {
             let said = tried.rows.iter().map(|row| format!("{}: {}", row.scene, row.setting));
             said.chain(tried.otherwise.iter().map(|scene| format!("not {scene}"))).collect::<Vec<_>>()
         };
-        let [crease, halton, bumpy] = ["crease: ", "halton: seed=0", "bumpy: "];
-        let [down, inter] = ["thin: indirect.downsample=4", "thin: indirect.interleave=3"];
-        assert_eq!(settings("igi"), [crease, bumpy, halton, "not thin"]);
-        assert_eq!(settings("paper-downsampled"), [crease, bumpy, halton, down]);
-        let three = "bumpy: indirect.interleave=3";
-        assert_eq!(settings("paper-interleaved"), [crease, three, halton, down, inter]);
-        let combined = "bumpy: indirect.interleave=3 indirect.filter=combined";
-        assert_eq!(settings("fast"), [crease, combined, halton, down, inter]);
+        let filtered = "bumpy: indirect.interleave=3 indirect.filter=combined";
+        assert_eq!(settings("igi"), ["crease: ", filtered, "halton: seed=0", "not thin"]);
+        let down = "thin: preset=paper-downsampled";
+        assert_eq!(settings("paper-downsampled"), [down, "not crease", "not bumpy", "not halton"]);
+        let fast = ["bumpy: preset=fast", "halton: preset=fast seed=0", "not crease", "not thin"];
+        assert_eq!(settings("fast"), fast);
         assert_eq!(settings("path"), ["bumpy: ", "not wires"]);
         assert!(ways[0].tried(&[row("crease", "igi", "indirect.nothing=1")]).is_err());
     }

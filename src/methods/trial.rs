@@ -6,7 +6,7 @@
 pub struct Trial {
     /// Name of the case.
     pub case: &'static str,
-    /// As for [`super::config::RenderConfig::apply_override`]; none are the defaults.
+    /// As for [`super::config::RenderConfig::apply_override`]; none are the defaults. A first `preset=NAME` begins with a preset.
     pub settings: &'static [&'static str],
     /// Why it misses the bound, if it is known to.
     pub known: Option<&'static str>,

@@ -60,10 +60,9 @@ impl Case {
             seed: options.seed,
             ..RenderConfig::default()
         };
+        config.apply_trial(self.settings, variant.settings.iter().copied())?;
         // Methods are compared at the same positions.
         methods::comparable(&mut config, None);
-        let settings = self.settings.iter().chain(variant.settings);
-        settings.into_iter().try_for_each(|assignment| config.apply_override(assignment))?;
         config.validate()?;
         Ok(config)
     }

@@ -25,6 +25,15 @@ pub struct Geometry {
     pub position: Res<Image>,
 }
 
+/// Which neighbours are on one plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Planes {
+    /// Most distance from the plane of what counts as on it, in ways (pixels' edges) between the two.
+    pub reach: f32,
+    /// Least cosine between normals.
+    pub least_cosine: f32,
+}
+
 /// Traces the camera's rays for the window of `extent` pixels that begins at pixel `origin`.
 pub fn gbuffer(g: &mut Graph, k: &Kernels, origin: [u32; 2], extent: [u32; 2]) -> GBuffer {
     g.group("gbuffer", |g| {

@@ -6,22 +6,25 @@
 //! light they count 1 − f(d) for the diffuse part, what bounding took from VPLs (Kollig & Keller 2004), and whole for lobes
 //! and behind mirrors and glass, where no VPL is asked.
 //!
-//! Cells are cubes of a grid, apart for six directions of normals and either side of triangles, their edges about as wide as a ray's footprint. A
-//! record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by 32 samples of the
-//! lights and a run of 128 VPLs. It depends on cell and seed alone, so that crops and tiles keep their bits. The table has
+//! Cells are cubes of a grid, apart for six directions of normals and either side of triangles, their edges about as wide as
+//! a ray's footprint. A record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by
+//! 32 samples of the lights and a run of 128 VPLs. It depends on cell and seed alone, so that crops and tiles keep their bits. The table has
 //! room for 2¹⁹ cells; one that finds no place is lit wherever it is asked for, slower and to the same bits.
 //!
 //! Bias: a record is a mean over its cell, so light leaks as far as a cell's edge, through thin walls on one floor too;
 //! surfaces are seen as Lambertians with the albedo of all that they scatter; records lack light that comes to them by way
 //! of mirrors and glass, and take surfaces nearer than the smallest edge to be lit as they are themselves; of lamps that a
-//! ray finds by way of mirrors and glass it brings a quarter at most of what VPLs bring.
-//! Noise: grain by the rays' directions. Cost: a ray each, and about 250 for a record.
+//! ray of a point behind mirrors and glass finds by way of others it brings a quarter at most of what else arrives.
+//! Pixels on one plane lend each other what their rays find, two pixels far, and fourteen what they find by way of mirrors
+//! and glass, unless VPLs say that there is a shadow's edge between: that blurs contacts.
+//! Noise: grain by the rays' directions. Cost: a ray each, one more where a coat over something else is a mirror, and about
+//! 250 for a record.
 
 use super::Kernels;
-use super::gbuffer::GBuffer;
+use super::gbuffer::{GBuffer, Geometry, Planes};
 use super::vpl_shoot::Vpls;
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
-use crate::shaders::radiance_cache::{record, request, request_points, resolve, resolve_points};
+use crate::shaders::radiance_cache::{record, request, request_points, resolve, resolve_points, smooth};
 use crate::shaders::{PointArgs, WantedArgs};
 use std::mem::offset_of;
 
@@ -30,6 +33,13 @@ const SLOTS: u32 = 1 << 19;
 
 /// Ends of rays that are kept at a time, 16 bytes each.
 const ENDS: u32 = 1 << 22;
+
+/// Ways (pixels) between what is averaged: all that rays find, by the first, and by the others what few of them find, lamps in
+/// mirrors and glass.
+const STEPS: [i32; 3] = [1, 2, 4];
+
+/// Pixels that an average reaches.
+pub const REACH: u32 = 2 * (STEPS[0] + STEPS[1] + STEPS[2]) as u32;
 
 /// Distances that decide what rays bring.
 #[derive(Clone, Copy, Debug)]
@@ -129,14 +139,23 @@ impl Cache {
         g.pass("record", &record::kernel(&k.scene), bind, params, grid);
     }
 
-    /// Adds what rays of primary hits find to `irradiance`.
-    pub fn gather(&self, g: &mut Graph, k: &Kernels, gb: &GBuffer, irradiance: Res<Image>) -> Gathered {
+    /// Adds what rays of primary hits find to `gathered`, averaged over neighbours on the same of these `planes`.
+    pub fn gather(
+        &self,
+        g: &mut Graph,
+        k: &Kernels,
+        gb: &GBuffer,
+        geometry: &Geometry,
+        planes: Option<Planes>,
+        gathered: Res<Image>,
+    ) -> Gathered {
         let &Self { slots, rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
         g.group("radiance_cache", |g| {
             let desc = g.desc(gb.albedo);
             let [width, height] = desc.extent;
             let rows = (ENDS / (width * rays)).clamp(1, height);
-            let found = g.image("found", desc);
+            let others = g.image("found", desc);
+            let mut mirrored = if k.specular() { g.image("found_by_mirrors", desc) } else { others };
             let glossy = g.image("found_by_lobes", desc);
             let ends = g.buffer("ends", 16 * u64::from(width * rows * rays));
             for first_row in (0..height).step_by(rows as usize) {
@@ -149,8 +168,7 @@ impl Cache {
                     wanted: wanted.slots,
                     args: wanted.args,
                     ends,
-                    gathered: irradiance,
-                    out_irradiance: found,
+                    out_irradiance: mirrored,
                     out_radiance: glossy,
                 };
                 let params = request::Params { slots, rays, first_row, end_row, min_distance, least_edge };
@@ -165,8 +183,7 @@ impl Cache {
                     table: self.cells,
                     records: self.records,
                     ends,
-                    gathered: irradiance,
-                    irradiance: found,
+                    out_irradiance: others,
                     radiance: glossy,
                 };
                 let params = resolve::Params {
@@ -180,7 +197,35 @@ impl Cache {
                 };
                 g.pass("resolve", &resolve::kernel(&k.scene), bind, params, strip);
             }
-            Gathered { irradiance: found, glossy: k.glossy_lobes().then_some(glossy) }
+            let mut smooth = |mirrored, step: i32, last: bool| {
+                let out = g.image("smooth", desc);
+                let bind = smooth::Bind {
+                    normal_depth: geometry.normal_depth,
+                    position: geometry.position,
+                    mirrored,
+                    others,
+                    gathered,
+                    out_irradiance: out,
+                };
+                let spec = smooth::Spec { step, last, mirrored: !last || k.specular() };
+                let Planes { reach, least_cosine } =
+                    planes.unwrap_or(Planes { reach: 1.0, least_cosine: 0.0 });
+                g.pass(
+                    "smooth",
+                    &smooth::kernel(spec),
+                    bind,
+                    smooth::Params { reach, least_cosine },
+                    Grid::Over(out),
+                );
+                out
+            };
+            if planes.is_some() && k.specular() {
+                for &step in &STEPS[1..] {
+                    mirrored = smooth(mirrored, step, false);
+                }
+            }
+            let irradiance = smooth(mirrored, planes.map_or(0, |_| STEPS[0]), true);
+            Gathered { irradiance, glossy: k.glossy_lobes().then_some(glossy) }
         })
     }
 
@@ -246,7 +291,7 @@ mod tests {
 
     /// Irradiance that rays bring in a room with a mirror, as bits.
     fn brought(renderer: &mut Renderer, slots: u32) -> Vec<[u32; 4]> {
-        let config = RenderConfig { size: [24, 18], ..RenderConfig::default() };
+        let config = RenderConfig { size: [24, 18], ..common::plain() };
         let camera = renderer.scene().cameras[0].clone();
         let k = renderer.kernels(config.whitted.mirror_roughness).with_indirect(&config.indirect);
         let mut g = Graph::new();
@@ -257,7 +302,8 @@ mod tests {
         let dark = g.image("dark", desc);
         g.clear_image("dark", dark);
         let cache = of_slots(&mut g, slots, 4, &vpls, Distances { min_distance: 4.0, edge: 0.2 });
-        let found = cache.gather(&mut g, &k, &gb, dark);
+        let geometry = gbuffer::unpack(&mut g, &k, &gb);
+        let found = cache.gather(&mut g, &k, &gb, &geometry, None, dark);
         let ticket = g.read_image(found.irradiance);
         renderer.run(g, &config, &camera).unwrap().take(ticket)
     }

@@ -53,7 +53,7 @@ pub struct VplShootConfig {
 
 impl Default for VplShootConfig {
     fn default() -> Self {
-        Self { vpls: 180, bounces: None, lobes: true, guided: true }
+        Self { vpls: 1440, bounces: None, lobes: true, guided: true }
     }
 }
 

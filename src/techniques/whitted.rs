@@ -2,7 +2,8 @@
 //!
 //! `direct`: emission and, with a shadow ray to every light, direct light on primary hits; the environment where there
 //! are none. Emissive triangles, the environment and lights without size if they are more than 8 get `light_samples`
-//! stratified rays together, chosen as `light_choice` says. With `indirect.glossy` all lobes reflect that are no mirrors, else the Lambertian part alone.
+//! stratified rays together, chosen as `light_choice` says. With `indirect.glossy` all lobes reflect that are no mirrors,
+//! else the Lambertian part alone.
 //! `specular`: the tree of mirrored and transmitted rays behind primary hits, with emission, direct light and
 //! (at full resolution, from every VPL, as in the paper) indirect light where they end. Four passes: `tree`
 //! follows the rays and lists the points they end at, `sort` brings them into spatial order, `light` lights the
@@ -64,7 +65,7 @@ pub struct WhittedConfig {
 
 impl Default for WhittedConfig {
     fn default() -> Self {
-        Self { specular_depth: 5, mirror_roughness: 0.1, light_samples: 16 }
+        Self { specular_depth: 5, mirror_roughness: 0.1, light_samples: 8 }
     }
 }
 

@@ -12,10 +12,23 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{Affine3A, Vec2, Vec3};
+use parhelion::config::RenderConfig;
 use parhelion::renderer::{Frame, Layer};
 use parhelion::scene::{Instance, LoadOptions, Material, Mesh, Scene};
+use parhelion::techniques::indirect::Filter;
 use parhelion::vk::{Device, DeviceOptions};
 use serde_json::Value;
+
+/// 180 VPLs, all asked by every pixel, and nothing else that brings indirect light: what parts are tested alone on.
+pub(crate) fn plain() -> RenderConfig {
+    let mut config = RenderConfig::default();
+    config.vpl_shoot.vpls = 180;
+    config.whitted.light_samples = 16;
+    config.indirect.compensation = 0;
+    config.indirect.interleave = 1;
+    config.indirect.filter = Filter::Paper;
+    config
+}
 
 /// Their arithmetic mean.
 pub(crate) fn mean(values: &[f32]) -> f64 {

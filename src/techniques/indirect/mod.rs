@@ -40,7 +40,7 @@ mod passes;
 pub use free_path::free_path;
 pub use passes::{Indirect, Samples, gather, glossy, reconstruct};
 
-use super::gbuffer::GBuffer;
+use super::gbuffer::{GBuffer, Planes};
 use super::setting::{BadValue, Settings, within};
 use super::{Kernels, vpl_shoot::VplShootConfig, vpl_shoot::Vpls};
 use crate::accel::boxes::BoxOptions;
@@ -52,16 +52,16 @@ use crate::shaders;
 #[serde(default, deny_unknown_fields)]
 pub struct IndirectConfig {
     /// The paper's min_d (m): light from VPLs nearer than 0.8 of it is dropped, from 1.2 of it on complete.
-    /// More hides the splotches around VPLs and darkens corners; 0 keeps all light and its infinite variance.
-    /// Absent: ½·√(A/N) for a scene of area A and N VPLs (ours: the paper does not say); with `compensation` the median way
-    /// from what the camera sees to what that sees.
+    /// More hides the splotches around VPLs and leaves more to `compensation`, without which it darkens corners; 0 keeps all
+    /// light and its infinite variance. Absent: the median way from what the camera sees to what that sees; without
+    /// `compensation` ½·√(A/N) for a scene of area A and N VPLs (ours: the paper does not say).
     pub min_distance: Option<f32>,
     /// Rays, 0 … 64, that each pixel and each point behind mirrors and glass sends to find the light that VPLs leave out:
     /// what bounding takes from them (Kollig & Keller 2004), the light that glossy lobes reflect, whatever comes by way of
     /// mirrors and glass. They ask a cache of irradiance in the world ([`super::radiance_cache`]). 0: none, and no pass;
-    /// lobes then are lit by VPLs. With any, `min_distance` follows what is seen and is a dial from VPLs to final
-    /// gathering, and points behind mirrors and glass are lit by a subset of the VPLs each, as pixels are. More: less
-    /// grain; time in proportion. With 8, 1440 VPLs, `interleave` 3 and `filter` combined (800×600, one H200, 8
+    /// lobes then are lit by VPLs, and presets leave it so. With any, `min_distance` follows what is seen and is a dial from
+    /// VPLs to final gathering, and points behind mirrors and glass are lit by a subset of the VPLs each, as pixels are.
+    /// More: less grain, of what `filter` combined leaves; time in proportion. With 8, 1440 VPLs, `interleave` 3 and `filter` combined (800×600, one H200, 8
     /// `light_samples`; relMSE the median and bias the mean ± standard error of 16 seeds, against 2048-sample path tracing;
     /// beside it the defaults, 180 VPLs by themselves, of 8 seeds against path tracing of at most 5 edges):
     ///
@@ -124,14 +124,14 @@ impl Default for IndirectConfig {
     fn default() -> Self {
         Self {
             min_distance: None,
-            compensation: 0,
+            compensation: 8,
             visibility: Visibility::Exact,
             box_split: None,
             downsample: 1,
             upsample: Upsample::Paper,
-            interleave: 1,
+            interleave: 3,
             pattern: Pattern::Regular,
-            filter: Filter::Paper,
+            filter: Filter::Combined,
             depth_threshold: 0.05,
             normal_threshold: 0.9,
             plane_threshold: 0.5,
@@ -242,9 +242,11 @@ pub enum Pattern {
 #[serde(rename_all = "kebab-case")]
 pub enum Filter {
     /// The paper's two: a discontinuity buffer over the samples, then upsampling.
-    #[default]
     Paper,
-    /// One edge-aware filter that averages each subset by itself.
+    /// One edge-aware filter that averages each subset by itself. Where every pixel has a sample, what its subset brings there
+    /// and around says how unlike its neighbours it is: shadows and thin lines keep their edges. What rays of `compensation`
+    /// find is averaged over neighbours, too.
+    #[default]
     Combined,
 }
 
@@ -285,6 +287,13 @@ impl IndirectConfig {
         self.downsample > 1 || self.interleave > 1
     }
 
+    /// Pixels that lend what rays find to each other, if any do.
+    #[must_use]
+    pub fn planes(&self) -> Option<Planes> {
+        let planes = Planes { reach: self.plane_threshold, least_cosine: self.plane_cosine };
+        (self.compensation > 0 && self.filter == Filter::Combined).then_some(planes)
+    }
+
     /// Pixels beyond a part of the picture that decide what is in it.
     #[must_use]
     pub(crate) fn reach(&self) -> u32 {
@@ -295,7 +304,7 @@ impl IndirectConfig {
             // The combined filter three, and four more on its second attempt.
             Filter::Combined => 8,
         };
-        samples * self.downsample
+        (samples * self.downsample).max(self.planes().map_or(0, |_| super::radiance_cache::REACH))
     }
 
     fn irregular(&self) -> bool {

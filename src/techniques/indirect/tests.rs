@@ -20,8 +20,8 @@ const UPSAMPLES: [Upsample; 2] = [Upsample::Paper, Upsample::Plane];
 const PATTERNS: [Pattern; 2] = [Pattern::Regular, Pattern::Irregular];
 
 fn config(size: [u32; 2], downsample: u32, interleave: u32) -> RenderConfig {
-    let indirect = IndirectConfig { downsample, interleave, ..IndirectConfig::default() };
-    RenderConfig { size, indirect, ..RenderConfig::default() }
+    let indirect = IndirectConfig { downsample, interleave, ..common::plain().indirect };
+    RenderConfig { size, indirect, ..common::plain() }
 }
 
 /// All filters at this picture size.
@@ -175,6 +175,38 @@ fn upload_vpls(g: &mut Graph, vpls: &[Vpl], subsets: u32) -> Vpls {
 }
 
 // ---- filters ----
+
+/// A thin shadow on an even wall stays as dark as it is, whatever each subset brings; beyond reach nothing changes.
+#[test]
+fn thin_shadows_stay_dark() {
+    let Some((_guard, device)) = common::device() else { return };
+    let mut renderer = renderer(&device, builtin::triangle());
+    let size = [40, 30];
+    let seen = see(size, &[wall(dvec3(0.0, 0.0, -3.0), dvec3(0.0, 0.0, 1.0), |_| true)]);
+    for interleave in [2, 3] {
+        for pattern in PATTERNS {
+            let mut config = config(size, 1, interleave);
+            (config.indirect.filter, config.indirect.pattern) = (Filter::Combined, pattern);
+            // Where the subsets' places are known each brings another share.
+            let share = |[x, y]: [u32; 2]| match pattern {
+                Pattern::Regular => 0.5 + (x % interleave + y % interleave) as f32,
+                Pattern::Irregular => 1.0,
+            };
+            let cells = (0..interleave).flat_map(|y| (0..interleave).map(move |x| [x, y]));
+            let lit = cells.map(share).sum::<f32>() / (interleave * interleave) as f32;
+            let field = |cell: [u32; 2], [x, _]: [u32; 2]| {
+                Vec3::splat(share(cell) * if x == 17 { 0.02 } else { 1.0 })
+            };
+            let (out, _) = filtered(&mut renderer, &config, &seen, field);
+            for y in 8..22 {
+                let at = |x: u32| out[seen.index([x, y])].x / lit;
+                let what = format!("{interleave}x, {pattern:?}, row {y}");
+                assert!((0.01..0.04).contains(&at(17)), "{what}: {}", at(17));
+                assert!((at(8) - 1.0).abs() < 1e-5 && (at(28) - 1.0).abs() < 1e-5, "{what}");
+            }
+        }
+    }
+}
 
 /// Steps, creases, slants and sky: whatever lends light lends the same, and what is not there lends nothing. The
 /// pixels that are to be regathered keep the share of the subsets that were found.
