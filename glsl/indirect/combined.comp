@@ -26,6 +26,12 @@ layout(push_constant) uniform Params { float reach; float least_cosine; } params
 
 #include "indirect/list_missing.glsl"
 
+// How well a pixel continues the plane at p.
+float fits(Point p, ivec2 pixel, float reach) {
+    vec4 there = imageLoad(normal_depth, pixel);
+    return same_plane(p, Point(there.xyz, there.w, imageLoad(position, pixel).xyz), reach, params.least_cosine);
+}
+
 // Sum of a subset's samples within `radius` of `centre`, each times its weight for p, and of the weights.
 vec4 subset_sum(uint subset, Point p, vec2 centre, float radius, float reach) {
     vec4 sum = vec4(0.0);
@@ -43,10 +49,7 @@ vec4 subset_sum(uint subset, Point p, vec2 centre, float radius, float reach) {
             ivec2 at = ivec2(cell - first);
             if (shuffled && (any(lessThan(at, low)) || any(greaterThan(at, high)))) continue;
             vec2 fall = clamp(radius - abs(vec2(at) - centre), 0.0, 1.0);
-            ivec2 other = sample_pixel(cell);
-            vec4 there = imageLoad(normal_depth, other);
-            Point q = Point(there.xyz, there.w, imageLoad(position, other).xyz);
-            float weight = fall.x * fall.y * same_plane(p, q, reach, params.least_cosine);
+            float weight = fall.x * fall.y * fits(p, sample_pixel(cell), reach);
             if (weight > 0.0) sum += weight * vec4(imageLoad(gathered, at).rgb, 1.0);
         }
     }
@@ -68,9 +71,7 @@ vec4 same_subset(Point p, uvec2 cell, float reach) {
             if ((x | y) == 0 || any(lessThan(other, ivec2(0)))) continue;
             ivec2 at = ivec2(IRREGULAR ? cell_of(uvec2(other), subset) : uvec2(other) * INTERLEAVE + place) - first;
             if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) continue;
-            vec4 there = imageLoad(normal_depth, at);
-            Point q = Point(there.xyz, there.w, imageLoad(position, at).xyz);
-            float weight = same_plane(p, q, reach, params.least_cosine);
+            float weight = fits(p, at, reach);
             if (weight > 0.0) sum += weight * vec4(imageLoad(gathered, at).rgb, 1.0);
         }
     }
@@ -78,10 +79,10 @@ vec4 same_subset(Point p, uvec2 cell, float reach) {
 }
 
 // A sample knows how unlike its neighbours it is: by what its own subset brings there. What other subsets bring there, a mean
-// over `others` neighbours, is unlike it in the same way: shadows and lines keep their edges.
-vec3 sharpened(vec3 mean, vec3 own, vec3 around, float others) {
-    vec3 darker = (own + (others * mean - own) * own / max(around, vec3(1e-30))) / others;
-    vec3 brighter = mean + (own - around) * (others - 1.0) / others;
+// over `subsets` that counts its own, is unlike it in the same way: shadows and lines keep their edges.
+vec3 sharpened(vec3 mean, vec3 own, vec3 around, float subsets) {
+    vec3 darker = (own + (subsets * mean - own) * own / max(around, vec3(1e-30))) / subsets;
+    vec3 brighter = mean + (own - around) * (subsets - 1.0) / subsets;
     return mix(brighter, darker, lessThan(own, around));
 }
 

@@ -1,6 +1,7 @@
 // A radiance cache in the world (instant caching: Debattista et al. 2009). Surfaces are cut into cells: cubes of a grid, one
-// for each of six directions that normals are nearest to and for either side of triangles, at edges that double from level to level. A record is the mean
-// irradiance of a cell's surfaces. It depends on the cell and the seed alone, so that who asks first never shows.
+// for each of six directions that normals are nearest to and for either side of triangles, at edges that double from level
+// to level. A record is the mean irradiance of a cell's surfaces. It depends on the cell and the seed alone, so that who asks
+// first never shows.
 #ifndef RADIANCE_CACHE_CELLS_GLSL
 #define RADIANCE_CACHE_CELLS_GLSL
 
