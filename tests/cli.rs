@@ -740,7 +740,8 @@ fn a_picture_that_rests_on_few_light_paths_says_so() {
         let light = common::mean(&exr(&folder, "a.exr").channels["indirect.G"]);
         (stderr(&out), stdout(&out), share, light)
     };
-    let plainly = ["-D", "vpl_shoot.guided=false", "-D", "indirect.compensation=0", "--vpls"];
+    let settings = ["vpl_shoot.guided=false", "vpl_shoot.candidates=1", "indirect.compensation=0"];
+    let plainly = [&settings.map(|setting| ["-D", setting]).concat()[..], &["--vpls"]].concat();
     let mut drawn = Vec::new();
     for seed in ["0", "1", "2", "3", "4", "5", "6", "7"] {
         let (notes, text, share, light) = draw(seed, &[&plainly[..], &["180"]].concat());
@@ -789,7 +790,7 @@ fn paths_that_all_arrive_are_nothing_to_speak_of_and_none_at_all_are() {
         "s.json",
     ];
     let out = rendered(&folder, &[&["far.obj", "--environment", "1,1,1"], &seen[..]].concat());
-    assert!(stderr(&out).contains("none of 480 light paths left a VPL"), "{}", stderr(&out));
+    assert!(stderr(&out).contains("none of 1920 light paths left a VPL"), "{}", stderr(&out));
     let out = rendered(&folder, &[&["far.obj", "--environment", "0,0,0"], &seen[..]].concat());
     assert!(!stderr(&out).contains("light path"), "{}", stderr(&out));
     let out = rendered(&folder, &[&["far.obj", "--no-headlight"], &seen[..]].concat());
@@ -1072,8 +1073,10 @@ fn a_bar_appears_where_it_is_asked_for_and_stays_off_stdout() {
     let bar = folder.render(&["wall.gltf", "--progress", "bar"]);
     assert!(stderr(&bar).contains('\u{1b}'), "{:?}", stderr(&bar));
     assert!(!stdout(&bar).contains('\u{1b}'));
+    // So few light paths that none of them need arrive.
+    let few = ["-D", "vpl_shoot.candidates=1"];
     for word in ["auto", "none"] {
-        assert_eq!(stderr(&folder.render(&["wall.gltf", "--progress", word])), "");
+        assert_eq!(stderr(&folder.render(&[&["wall.gltf", "--progress", word][..], &few].concat())), "");
     }
 }
 

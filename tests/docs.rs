@@ -58,8 +58,8 @@ fn chart(scene: &str) -> Chart {
         "method": "igi", "indirect.downsample": 4, "indirect.upsample": "plane", "indirect.interleave": 3,
         "indirect.filter": "combined", "indirect.glossy": false, "indirect.compensation": 0,
         "whitted.light_samples": 16, "vpl_shoot.vpls": 180, "shadow_terminator": false, "vpl_shoot.bounces": 3,
-        "vpl_shoot.lobes": false, "vpl_shoot.guided": false, "path_trace.max_depth": depth,
-        "path_trace.pixel_filter": "center",
+        "vpl_shoot.lobes": false, "vpl_shoot.guided": false, "vpl_shoot.candidates": 1,
+        "path_trace.max_depth": depth, "path_trace.pixel_filter": "center",
     });
     let path = |spp: u32| json!({ "method": "path", "path_trace.spp": spp, "path_trace.max_depth": depth });
     let metric = |key: &str, label: &str, signed| MetricInfo {
@@ -80,7 +80,7 @@ fn chart(scene: &str) -> Chart {
     let points = vec![
         point("igi", "igi", json!({ "method": "igi", "path_trace.max_depth": depth }), 20.0, 0.0625),
         Point { over_seeds: Some(over_seeds), ..point("fast", "igi fast", fast, 4.0, 0.125) },
-        point("many", HOSTILE, json!({ "method": "igi", "vpl_shoot.vpls": 720 }), 80.0, 0.5),
+        point("many", HOSTILE, json!({ "method": "igi", "vpl_shoot.vpls": 1440 }), 80.0, 0.5),
         Point { ranked: false, ..point("path", "path spp=64", path(64), 1234.5, 0.0001) },
     ];
     Chart {

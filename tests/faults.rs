@@ -138,7 +138,7 @@ const SKY_HEIGHT: &str = "float k = «2.0 * sine * sine + v * height»;";
 const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «way.distance2 / way.cosine»);";
 const LAMP_POWER: &str = "return sample_emitter(from, u.yz, chosen.choice, «lights.table.inverse_power», s);";
 const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0»;";
-const LAMP_WEIGHT: &str = "way.radiance / pdf, «pdf», false);";
+const LAMP_WEIGHT: &str = "way.radiance / pdf, «pdf», false, false);";
 const LAMP_POINT: &str = "float root = «sqrt(u.x)»;";
 const TREE_DOWN: &str = "probability *= «left ? p : 1.0 - p»;\n        node = first;";
 const TREE_UP: &str = "probability *= «!lit ? 0.0 : left ? p : 1.0 - p»;";

@@ -199,7 +199,7 @@ fn irradiance_at(
     let white = vec![Vec4::splat(PI); samples.hits.len()];
     g.upload_image("albedo", gb.albedo, bytemuck::cast_slice(&white).to_vec());
     let paths = vpl_shoot::paths(&mut g, &kernels, &config.vpl_shoot, 1);
-    let vpls = vpl_shoot::compact(&mut g, &kernels, &config.vpl_shoot, &paths, 1);
+    let vpls = vpl_shoot::compact(&mut g, &kernels, &config.vpl_shoot, &paths, 1, 0.0);
     let m = config.indirect.min_distance.unwrap();
     let samples = indirect::gather(&mut g, &kernels, &config.indirect, &gb, &vpls, m);
     let indirect =
@@ -213,7 +213,7 @@ fn irradiance_at(
             cache.gather(&mut g, &kernels, &gb, &geometry, None, indirect).irradiance
         }
     };
-    let direct = whitted::direct(&mut g, &kernels, &config.whitted, &gb);
+    let direct = whitted::direct(&mut g, &kernels, &config.whitted, &gb, 0);
     let (direct, indirect) = (g.read_image::<[f32; 4]>(direct), g.read_image::<[f32; 4]>(indirect));
     let mut run = renderer.run(g, config, camera).unwrap();
     let mut first = |ticket| run.take(ticket).iter().map(|texel: &[f32; 4]| texel[0]).collect::<Vec<f32>>();

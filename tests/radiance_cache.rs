@@ -2,10 +2,11 @@
 
 mod common;
 
-use common::mean;
+use common::{assert_close, gray, mean, quad, scene};
+use glam::Vec3;
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
-use parhelion::scene::builtin;
+use parhelion::scene::{Camera, Environment, Scene, builtin};
 use parhelion::vk::Backend;
 
 fn configuration(assignments: &[&str]) -> RenderConfig {
@@ -14,10 +15,14 @@ fn configuration(assignments: &[&str]) -> RenderConfig {
     config
 }
 
-fn renderer(device: &parhelion::vk::Device, scene: &str) -> Renderer {
+fn renderer_of(device: &parhelion::vk::Device, scene: Scene) -> Renderer {
     let options =
         RendererOptions { backend: BackendChoice::Force(Backend::Software), ..RendererOptions::default() };
-    Renderer::new(device, builtin::by_name(scene).unwrap(), &options).unwrap()
+    Renderer::new(device, scene, &options).unwrap()
+}
+
+fn renderer(device: &parhelion::vk::Device, scene: &str) -> Renderer {
+    renderer_of(device, builtin::by_name(scene).unwrap())
 }
 
 fn draw(renderer: &mut Renderer, config: &RenderConfig) -> Frame {
@@ -25,8 +30,13 @@ fn draw(renderer: &mut Renderer, config: &RenderConfig) -> Frame {
     renderer.render(config, &camera, &FrameRequest::default()).unwrap()
 }
 
-const ALL: [&str; 4] =
-    ["indirect.compensation=4", "vpl_shoot.vpls=180", "indirect.interleave=3", "indirect.filter=combined"];
+const ALL: [&str; 5] = [
+    "indirect.compensation=4",
+    "vpl_shoot.vpls=180",
+    "vpl_shoot.candidates=8",
+    "indirect.interleave=3",
+    "indirect.filter=combined",
+];
 
 /// The Office has mirrors, glass and glossy lobes.
 #[test]
@@ -67,10 +77,51 @@ fn rays_bring_what_bounding_takes() {
     };
     let truth = over_seeds(&["method=path", "path_trace.spp=512", "path_trace.pixel_filter=center"], 1);
     let vpls = "vpl_shoot.vpls=900";
-    for distance in ["indirect.min_distance=1", "indirect.min_distance=100"] {
-        let with = over_seeds(&[vpls, distance, "indirect.compensation=8"], 6) / truth;
+    for (distance, candidates) in [("1", "1"), ("100", "1"), ("1", "8")] {
+        let distance = &format!("indirect.min_distance={distance}");
+        let candidates = &format!("vpl_shoot.candidates={candidates}");
+        let with = over_seeds(&[vpls, distance, candidates, "indirect.compensation=8"], 6) / truth;
         assert!((with - 1.0).abs() < 0.03, "{distance}: {with}");
         let without = over_seeds(&[vpls, distance], 2) / truth;
         assert!(without < 0.95, "{distance}: {without} without rays");
+    }
+}
+
+/// A sky that is bright on one side: rays and samples of lights together bring what samples alone do, on open ground and past
+/// a wall, and on open ground what the sky sends: ρ/π ∫ L cosθ dω, π/2 of each half of the sky.
+#[test]
+fn rays_bring_their_share_of_the_sky() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (rho, bright, dim) = (0.5, 3.0, 1.0);
+    let texel = |i: usize| Vec3::splat(if i % 64 < 32 { bright } else { dim });
+    let sky = Environment {
+        name: "halves".into(),
+        width: 64,
+        height: 32,
+        texels: (0..64 * 32).map(texel).collect(),
+    };
+    let ground = quad(Vec3::new(-9.0, 0.0, -9.0), 18.0 * Vec3::Z, 18.0 * Vec3::X, 0);
+    let wall = quad(Vec3::new(0.5, 0.0, -9.0), 18.0 * Vec3::Z, 4.0 * Vec3::Y, 1);
+    for walled in [false, true] {
+        let meshes = if walled { vec![ground.clone(), wall.clone()] } else { vec![ground.clone()] };
+        let mut scene = scene(meshes, vec![gray(rho), gray(0.0)]);
+        scene.environment = Some(sky.clone());
+        scene.cameras =
+            vec![Camera::look_at("down", Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 0.001), 0.6)];
+        let mut renderer = renderer_of(&device, scene);
+        let mut brought = |assignments: &[&str]| {
+            let mut config = configuration(assignments);
+            config.size = [32, 32];
+            mean(&draw(&mut renderer, &config).beauty.data)
+        };
+        let alone = brought(&["whitted.light_samples=256"]);
+        if !walled {
+            let expected = f64::from(rho) * f64::from(bright + dim) / 2.0;
+            assert_close("samples", alone, expected, 0.005);
+        }
+        for filter in ["indirect.filter=paper", "indirect.filter=combined"] {
+            let beside = brought(&["whitted.light_samples=8", "indirect.compensation=8", filter]);
+            assert_close(&format!("rays and samples, walled: {walled}"), beside, alone, 0.01);
+        }
     }
 }

@@ -224,7 +224,7 @@ bool choose_light(LightSource lights, Receiver x, bool through, float u, out Cho
 // Light that arrives at `from`, an origin off the receiver's surface, unless something is between. `u`: three numbers in
 // [0, 1), x for the choice. False: nothing arrives.
 bool sample_light(LightSource lights, Receiver x, bool through, vec3 from, vec3 u, out LightSample s) {
-    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
+    s = LightSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false, false);
     ChosenLight chosen;
     if (!choose_light(lights, x, through, u.x, chosen)) return false;
     if (chosen.sky) return sample_sky(lights.table, u.yz, chosen.choice, s);

@@ -26,6 +26,7 @@ struct LightSample {
     vec3 radiance_over_pdf; // of delta lights intensity over squared distance (W/m²) over the probability of the choice
     float pdf;              // by solid angle, the choice included; 0 of delta lights
     bool delta;             // no ray finds it
+    bool sky;               // of the environment
 };
 
 // Angle from +Y.
@@ -212,7 +213,7 @@ bool way_to(EmitterPoint p, vec3 from, out EmitterWay way) {
 
 LightSample sample_along(EmitterWay way, float pdf) {
     float distance = sqrt(way.distance2);
-    return LightSample(way.to / distance, distance, way.radiance / pdf, pdf, false);
+    return LightSample(way.to / distance, distance, way.radiance / pdf, pdf, false, false);
 }
 
 bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, out LightSample s) {
@@ -230,6 +231,7 @@ bool sample_sky(LightTable lights, vec2 u, LightChoice choice, out LightSample s
     s.pdf = choice.probability * environment_density(lights, cell);
     s.radiance_over_pdf = environment_radiance(s.direction) / s.pdf;
     s.delta = false;
+    s.sky = true;
     return s.radiance_over_pdf != vec3(0.0);
 }
 
@@ -238,6 +240,7 @@ bool sample_delta(vec3 from, uint i, float probability, out LightSample s) {
     Light light = LightArray(scene.lights)[i].at;
     s.pdf = 0.0;
     s.delta = true;
+    s.sky = false;
     vec3 arriving = light.intensity / probability;
     if (is_directional(light)) {
         s.direction = -light.direction;

@@ -1,7 +1,7 @@
 // A radiance cache in the world (instant caching: Debattista et al. 2009). Surfaces are cut into cells: cubes of a grid, one
 // for each of six directions that normals are nearest to and for either side of triangles, at edges that double from level
-// to level. A record is the mean irradiance of a cell's surfaces. It depends on the cell and the seed alone, so that who asks
-// first never shows.
+// to level. A record is the mean irradiance of a cell's surfaces, or where a wall divides them of those on either side of it. It depends
+// on the cell and the seed alone, so that who asks first never shows.
 #ifndef RADIANCE_CACHE_CELLS_GLSL
 #define RADIANCE_CACHE_CELLS_GLSL
 
@@ -15,11 +15,18 @@ const int HALF_CELLS = 1 << 17; // on either side of the scene's centre
 const uint PROBES = 32u;        // slots that are tried for a cell
 const uint NO_SLOT = 0xffffffffu;
 const uint RECORDS = 2u; // of a workgroup that makes them
+const float LIFT = 0.1;  // of points over their surface when they ask whether they see each other, in edges
 
 // Cells whose records are wanted, and how many workgroups make them.
 struct WantedArgs {
     uvec3 groups;
     uint count;
+};
+
+struct Record {
+    vec3 light;  // W/m², of surfaces that the first one sees; below 0 where no surface was found
+    vec3 behind; // of the others
+    uint first;  // where in the cell that one is; 0: nothing divides it
 };
 
 struct Cell {
@@ -58,6 +65,29 @@ Cell cell_at(vec3 position, vec3 normal, bool front, float wanted, float least) 
     float edge = edge_of(level, least);
     vec3 at = (position - scene.scene_center) / edge + SHIFT;
     return Cell(ivec3(floor(at)), face_of(normal, front), level);
+}
+
+const float STEPS_ACROSS = 1023.0;
+
+// Of a point near the cell.
+uint place_in(Cell cell, vec3 position, float edge) {
+    uvec3 at = uvec3(clamp((position - corner_of(cell, edge)) / edge, 0.0, 1.0) * STEPS_ACROSS + 0.5);
+    return at.x << 20 | at.y << 10 | at.z;
+}
+
+// A little over the surface there.
+vec3 over_place(Cell cell, uint place, float edge) {
+    vec3 at = vec3(place >> 20 & 1023u, place >> 10 & 1023u, place & 1023u) / STEPS_ACROSS;
+    at[cell.face >> 2] += (cell.face & 2u) != 0u ? -LIFT : LIFT;
+    return corner_of(cell, edge) + edge * at;
+}
+
+// From one place in a cell to another; false where they are one, which rays cannot tell.
+bool way_between(Cell cell, uint a, uint b, float edge, out vec3 from, out vec3 along) {
+    const uint PLACE = (1u << 30) - 1u;
+    from = over_place(cell, a, edge);
+    along = over_place(cell, b, edge) - from;
+    return ((a ^ b) & PLACE) != 0u;
 }
 
 uint first_slot(uvec2 key, uint slots) { return hash(key.x, key.y) & (slots - 1u); }

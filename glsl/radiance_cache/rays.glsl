@@ -6,11 +6,11 @@
 #include "indirect/bounding.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/albedo.glsl"
-#include "lib/glossy.glsl"
 #include "lib/lights.glsl"
 #include "lib/media.glsl"
 #include "lib/receiver.glsl"
 #include "lib/sheer.glsl"
+#include "radiance_cache/shares.glsl"
 #include "trace/trace.glsl"
 
 // What a ray ends at.
@@ -20,6 +20,7 @@ struct End {
     bool front;
     vec3 weight;   // of its irradiance
     vec3 radiance; // that the ray found on its way, by way of mirrors and glass alone
+    vec3 sky;      // that comes from the environment straight, which lights are asked for, too
     float way;     // m, all of it
     float spread;  // of the lobe, as a slope
 };
@@ -38,21 +39,14 @@ struct Sender {
     uint lobe_rays;
 };
 
-// How rays are shared out: by what the diffuse part and the lobes reflect, one each at least.
 Sender sender_of(Surface surface, bool front, vec3 to_viewer, uint rays, bool diffuse) {
     Sender s;
     s.surface = surface;
-    s.diffuse_rays = diffuse ? rays : 0u;
-    s.lobe_rays = 0u;
-    if (GLOSSY) {
-        s.glossy = glossy_surface(surface, front, to_viewer);
-        if (has_glossy_lobe(s.glossy)) {
-            s.lobes = layers_of(s.glossy.surface, front, to_viewer, LOBE_GLOSSY);
-            float share = diffuse ? 1.0 - s.glossy.layers.p_diffuse : 1.0;
-            s.lobe_rays = clamp(uint(ceil(float(rays) * share)), 1u, diffuse ? max(rays, 2u) - 1u : rays);
-            if (diffuse) s.diffuse_rays = max(rays - s.lobe_rays, 1u);
-        }
-    }
+    if (GLOSSY) s.glossy = glossy_surface(surface, front, to_viewer);
+    Shares shares = shares_of(s.glossy, rays, diffuse);
+    s.diffuse_rays = shares.diffuse;
+    s.lobe_rays = shares.lobe;
+    if (GLOSSY && shares.lobe > 0u) s.lobes = layers_of(s.glossy.surface, front, to_viewer, LOBE_GLOSSY);
     return s;
 }
 
@@ -89,14 +83,16 @@ vec3 emission_along(vec3 origin, vec3 direction, inout uint rays) {
 }
 
 // Follows a ray to a surface that scatters light. `m`: the distance that bounds VPLs (m); 0 where nothing is left to them.
-End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uint rays) {
+// `sky`: whether the environment is looked for.
+End follow(vec3 origin, vec3 direction, bool lobe, bool sky, float m, uint seed, inout uint rays) {
     End end;
     end.found = false;
     end.weight = vec3(0.0);
     end.radiance = vec3(0.0);
+    end.sky = vec3(0.0);
     end.way = 0.0;
     end.spread = 0.0;
-    bool far = lobe;
+    bool far = lobe || sky;
     if (MIRRORS || GLASS) far = true;
     float reach = far ? 1.0 / 0.0 : 1.2 * m;
     vec3 throughput = vec3(1.0), absorption = vec3(0.0);
@@ -108,6 +104,7 @@ End follow(vec3 origin, vec3 direction, bool lobe, float m, uint seed, inout uin
         ++rays;
         if (!trace_closest(origin, direction, 0.0, reach, hit)) {
             if (ENVIRONMENT && bent && !known) end.radiance += throughput * environment_radiance(direction);
+            if (ENVIRONMENT && sky && !bent) end.sky = throughput * environment_radiance(direction);
             going = false;
             continue;
         }

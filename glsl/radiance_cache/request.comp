@@ -14,6 +14,7 @@ layout(set = 1, binding = 4, scalar) buffer Args { WantedArgs at; } args;
 layout(set = 1, binding = 5, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
 layout(set = 1, binding = 6, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass, and whether any was asked for
 layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
+layout(set = 1, binding = 8, rgba32f) uniform writeonly image2D out_sky;        // irradiance by the environment
 layout(push_constant, scalar) uniform Params {
     uint slots;
     uint rays;
@@ -29,7 +30,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, params.first_row);
     if (any(greaterThanEqual(pixel, ivec2(imageSize(hits).x, params.end_row)))) return;
     Hit hit = unpack_hit(imageLoad(hits, pixel));
-    vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
+    vec3 irradiance = vec3(0.0), radiance = vec3(0.0), sky = vec3(0.0);
     uint rays = 0u, width = uint(imageSize(hits).x);
     Sender sender;
     uint sent = 0u;
@@ -48,16 +49,18 @@ void main() {
         if (i < sent) {
             bool lobe = i >= sender.diffuse_rays;
             vec3 weight;
-            End end = end_of(sender, i, seed, params.min_distance, weight, rays);
+            End end = end_of(sender, i, seed, params.min_distance, ENVIRONMENT, weight, rays);
             // Albedo has its share of coverage, lobes have not.
             if (lobe) weight *= coverage(sender.surface.material);
             if (GLOSSY && lobe) radiance += weight * end.radiance;
             else irradiance += weight * PI * end.radiance;
+            if (!lobe) sky += weight * PI * end.sky;
             kept = keep_end(end, weight, lobe, params.least_edge, params.slots);
         }
         ends.data[(uint(gl_GlobalInvocationID.y) * width + uint(pixel.x)) * params.rays + i] = kept;
     }
     if (MIRRORS || GLASS) imageStore(out_irradiance, pixel, vec4(irradiance, diffuse ? 1.0 : 0.0));
     imageStore(out_radiance, pixel, vec4(radiance, 1.0));
+    if (ENVIRONMENT) imageStore(out_sky, pixel, vec4(sky, diffuse ? 1.0 : 0.0));
     count_rays(rays);
 }

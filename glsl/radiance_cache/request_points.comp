@@ -45,7 +45,7 @@ void main() {
         if (i < sender.diffuse_rays + sender.lobe_rays) {
             bool lobe = i >= sender.diffuse_rays;
             vec3 weight;
-            End end = end_of(sender, i, known.seed, params.min_distance, weight, rays);
+            End end = end_of(sender, i, known.seed, params.min_distance, false, weight, rays);
             if (!lobe) weight *= diffuse_part(sender);
             found += no_more_than(weight * end.radiance * (GLOSSY ? 1.0 : PI), known_light);
             kept = keep_end(end, weight, lobe, params.least_edge, params.slots);

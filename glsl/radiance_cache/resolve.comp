@@ -5,13 +5,14 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
+#include "radiance_cache/cells.glsl"
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
 layout(set = 1, binding = 2, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 3, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 4, scalar) readonly buffer Table { uvec2 keys[]; } table;
-layout(set = 1, binding = 5, scalar) readonly buffer Records { vec3 data[]; } records;
+layout(set = 1, binding = 5, scalar) readonly buffer Records { Record data[]; } records;
 layout(set = 1, binding = 6, scalar) readonly buffer Ends { uvec4 data[]; } ends;
 layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_irradiance; // and whether any was asked for
 layout(set = 1, binding = 8, rgba32f) uniform image2D radiance;
@@ -42,14 +43,13 @@ void main() {
     for (uint i = 0u; i < params.rays; ++i) {
         uvec4 end = ends.data[(uint(gl_GlobalInvocationID.y) * width + uint(pixel.x)) * params.rays + i];
         if (end.x == 0u) continue;
-        vec3 light = light_in_cell(end.xy, params.slots, params.least_edge, params.bounces, rays);
+        vec3 light = light_in_cell(end, params.slots, params.least_edge, params.bounces, rays);
         if (light.x < 0.0) {
             uint seed = sender_seed(uvec2(pixel));
             light = light_at_end(sender_at(pixel), i, seed, params.min_distance, params.least_edge, params.bounces, rays);
         }
-        vec2 last = unpackHalf2x16(end.w);
-        light *= vec3(unpackHalf2x16(end.z), last.x);
-        if (GLOSSY && last.y > 0.5) by_lobes += light / PI;
+        light *= weight_of(end);
+        if (GLOSSY && by_lobe(end)) by_lobes += light / PI;
         else by_diffuse += light;
     }
     imageStore(out_irradiance, pixel, vec4(by_diffuse, imageLoad(albedo, pixel).rgb != vec3(0.0) ? 1.0 : 0.0));

@@ -4,6 +4,7 @@
 #include "whitted/reached.glsl"
 layout(local_size_x = POINTS) in;
 #include "lib/counters.glsl"
+#include "radiance_cache/cells.glsl"
 #include "radiance_cache/points.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer ListArgs { PointArgs at; } list;
@@ -13,7 +14,7 @@ layout(set = 1, binding = 3, scalar) readonly buffer Order { uint at[]; } order;
 layout(set = 1, binding = 4, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 5, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 6, scalar) readonly buffer Table { uvec2 keys[]; } table;
-layout(set = 1, binding = 7, scalar) readonly buffer Records { vec3 data[]; } records;
+layout(set = 1, binding = 7, scalar) readonly buffer Records { Record data[]; } records;
 layout(set = 1, binding = 8, scalar) readonly buffer Ends { uvec4 data[]; } ends;
 layout(push_constant, scalar) uniform Params {
     uint slots;
@@ -36,14 +37,13 @@ void main() {
     for (uint i = 0u; i < params.rays; ++i) {
         uvec4 end = ends.data[(index - params.first) * params.rays + i];
         if (end.x == 0u) continue;
-        vec3 light = light_in_cell(end.xy, params.slots, params.least_edge, params.bounces, rays);
+        vec3 light = light_in_cell(end, params.slots, params.least_edge, params.bounces, rays);
         if (light.x < 0.0) {
             Seen known = seen.data[point];
             Sender sender = sender_at(known, params.rays);
             light = light_at_end(sender, i, known.seed, params.min_distance, params.least_edge, params.bounces, rays);
         }
-        vec2 last = unpackHalf2x16(end.w);
-        light *= vec3(unpackHalf2x16(end.z), last.x);
+        light *= weight_of(end);
         sum += GLOSSY ? light / PI : light;
     }
     points.data[point].irradiance += sum;

@@ -25,13 +25,14 @@ void want(uvec2 key, uint slots) {
     }
 }
 
-// A ray's end as it is kept: the cell, its share of the light there, and whether a lobe sent it; 0 where there is none.
+// Asks for the record of a ray's end, which is kept; 0 where there is none.
 uvec4 keep_end(End end, vec3 weight, bool lobe, float least_edge, uint slots) {
     if (!end.found) return uvec4(0u);
-    uvec2 key = key_of(end_cell(end, least_edge));
+    Cell cell = end_cell(end, least_edge);
+    uvec2 key = key_of(cell);
     want(key, slots);
-    weight *= end.weight;
-    return uvec4(key, packHalf2x16(weight.rg), packHalf2x16(vec2(weight.b, lobe ? 1.0 : 0.0)));
+    uint place = place_in(cell, end.surface.position, edge_of(cell.level, least_edge));
+    return uvec4(key, pack_weight(weight * end.weight), (lobe ? BY_LOBE : 0u) | place);
 }
 
 #endif

@@ -11,16 +11,17 @@ layout(local_size_x = 64) in;
 #include "trace/trace.glsl"
 
 layout(set = 1, binding = 0, scalar) writeonly buffer Points { Receiver data[]; } points; // normal 0: none
-layout(push_constant, scalar) uniform Params { uvec2 origin; uvec2 extent; uint side; } params;
+layout(push_constant, scalar) uniform Params { uvec2 origin; uvec2 extent; uint side; } params; // extent 0: all
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= params.side * params.side) return;
-    vec2 jitter = vec2(unit_float(hash(i, 0u, 0u)), unit_float(hash(i, 1u, 0u)));
+    vec2 jitter = vec2(unit_float(hash(i, 0u, scene.seed)), unit_float(hash(i, 1u, scene.seed)));
     vec2 cell = vec2(i % params.side, i / params.side);
-    vec2 at = vec2(params.origin) + vec2(params.extent) * (cell + jitter) / float(params.side);
+    bool whole = params.extent.x == 0u;
+    vec2 at = vec2(whole ? scene.full_size : params.extent) * (cell + jitter) / float(params.side);
     uvec2 pixel = uvec2(at);
-    Ray ray = camera_ray(pixel, at - vec2(pixel));
+    Ray ray = camera_ray(pixel + (whole ? uvec2(0u) - scene.window_origin : params.origin), at - vec2(pixel));
     Receiver point = Receiver(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     Hit hit;
     for (int depth = 0; depth <= int(scene.specular_depth); ++depth) {

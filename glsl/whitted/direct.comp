@@ -7,15 +7,17 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/counters.glsl"
 #include "lib/sampling.glsl"
 #include "lib/surface.glsl"
+#include "radiance_cache/shares.glsl"
 #include "whitted/direct.glsl"
 
 layout(constant_id = 0) const bool CONTINUES = false;
+layout(constant_id = 1) const bool BESIDE_RAYS = false; // others bring the environment's light of the diffuse part, too
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
 layout(set = 1, binding = 2, rgba32f) uniform readonly image2D before;
 layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_radiance;
-layout(push_constant, scalar) uniform Params { uint first; uint last; } params;
+layout(push_constant, scalar) uniform Params { uint first; uint last; uint rays; } params;
 
 // What the surface reflects of lights asked one by one and of a range of samples of others.
 vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, uint seed, inout uint rays) {
@@ -45,10 +47,16 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
         LightSource lights = sampled_lights();
         bool lobes = false;
         if (GLOSSY) lobes = samples_lobes(glossy);
-        if (lobes) lights = lights_beside_lobes();
+        if (lobes || BESIDE_RAYS) lights = lights_beside_lobes();
+        // Of cosine-distributed rays, times the cosine.
+        float by_rays = 0.0;
+        if (BESIDE_RAYS) {
+            bool diffuse = reflectance != vec3(0.0);
+            by_rays = float(shares_of(glossy, params.rays, diffuse).diffuse) / (PI * float(scene.light_samples));
+        }
         uint last = min(params.last, scene.light_samples);
         for (uint i = params.first; i < last; ++i) {
-            if (lobes) sampled += by_lobe(glossy, i, seed, rays);
+            if (lobes) sampled += by_lobe(glossy, i, seed, BESIDE_RAYS, rays);
             LightSample light;
             vec3 origin;
             if (!sampled_light(lights, x, i, seed, light, origin)) continue;
@@ -57,7 +65,16 @@ vec3 reflected(Surface surface, bool front, vec3 to_viewer, vec3 reflectance, ui
             if (GLOSSY) share = scattered(glossy, light.direction, LOBES_LIT, pdf);
             else share = vec3(dot(x.side_normal, light.direction) > 0.0 ? max(dot(x.normal, light.direction), 0.0) : 0.0);
             if (share == vec3(0.0)) continue;
+            vec3 beside_rays = vec3(0.0);
+            if (BESIDE_RAYS && light.sky) {
+                float by_ray = by_rays * max(dot(x.normal, light.direction), 0.0);
+                vec3 diffuse = share;
+                if (lobes) diffuse = scattered(glossy, light.direction, LOBE_DIFFUSE);
+                share -= diffuse;
+                beside_rays = diffuse * (light.pdf / (light.pdf + by_ray));
+            }
             if (lobes && !light.delta) share *= power_heuristic(light.pdf, pdf);
+            share += beside_rays;
             sampled += arriving(share * light.radiance_over_pdf, origin, light.direction, light.distance, rays);
         }
         sampled /= float(max(scene.light_samples, 1u));

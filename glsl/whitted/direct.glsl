@@ -60,13 +60,15 @@ bool sampled_light(LightSource lights, Receiver x, uint i, uint seed, out LightS
 bool samples_lobes(GlossySurface g) { return GLOSSY && scene.lobe_samples > 0u && has_glossy_lobe(g); }
 
 // Radiance of lights that have a size along a ray whose direction lobes gave with density `pdf`, weighted. From over a
-// facet emitters above it do not count: those are asked from the facet.
-vec3 light_along(Surface x, vec3 direction, float pdf, inout uint rays) {
+// facet emitters above it do not count: those are asked from the facet. `sky_share`: of the environment's.
+vec3 light_along(Surface x, vec3 direction, float pdf, vec3 sky_share, inout uint rays) {
     vec3 from = leave(x, direction);
     bool over = lifted(x.lifts.x, x.geometric_normal, direction);
     LightSource lights = lights_beside_lobes();
     vec3 sum = vec3(0.0), sky = vec3(0.0);
-    if (ENVIRONMENT) sky = environment_radiance(direction) * power_heuristic(pdf, environment_pdf(lights, direction));
+    if (ENVIRONMENT) {
+        sky = environment_radiance(direction) * sky_share * power_heuristic(pdf, environment_pdf(lights, direction));
+    }
     if (!EMISSIVE_TRIANGLES) {
         if (sky == vec3(0.0)) return sky;
         return arriving(sky, from, direction, 4.0 * scene.scene_radius, rays);
@@ -95,11 +97,16 @@ vec3 light_along(Surface x, vec3 direction, float pdf, inout uint rays) {
 }
 
 // Radiance that a surface reflects of lights that have a size, by ray `i` of its lobes, of so many as scene.lobe_samples;
-// to be divided by that.
-vec3 by_lobe(GlossySurface g, uint i, uint seed, inout uint rays) {
+// to be divided by that. `diffuse_beside`: others bring what the diffuse part reflects of the environment.
+vec3 by_lobe(GlossySurface g, uint i, uint seed, bool diffuse_beside, inout uint rays) {
     BsdfSample b;
     if (!sample_lit(g, vec3(sobol(i, hash(seed, 3u)), sobol(i, hash(seed, 4u)).x), b)) return vec3(0.0);
-    return b.weight * light_along(g.surface, b.direction, b.pdf, rays);
+    vec3 sky_share = vec3(1.0);
+    if (ENVIRONMENT && diffuse_beside) {
+        vec3 all = scattered(g, b.direction, LOBES_LIT);
+        sky_share -= scattered(g, b.direction, LOBE_DIFFUSE) / max(all, vec3(1e-30));
+    }
+    return b.weight * light_along(g.surface, b.direction, b.pdf, sky_share, rays);
 }
 
 #endif

@@ -37,7 +37,7 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
         if (SAMPLES_LIGHTS) {
             sampled = !is_vpl && k >= scene.asked_lights;
             if (k >= lobe_rays) {
-                if (lobes) sum += by_lobe(lit.glossy, k - lobe_rays, lit.seed, rays) / float(scene.lobe_samples);
+                if (lobes) sum += by_lobe(lit.glossy, k - lobe_rays, lit.seed, false, rays) / float(scene.lobe_samples);
                 continue;
             }
         }

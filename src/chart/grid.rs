@@ -317,7 +317,7 @@ mod tests {
              preset = ['fast', 'paper-canonical']
              vpl_shoot = { vpls = [90, 180] }
              [[sweep]]
-             vpl_shoot = { vpls = 180, bounces = 3, lobes = false, guided = false }
+             vpl_shoot = { vpls = 180, bounces = 3, lobes = false, guided = false, candidates = 1 }
              whitted.light_samples = 16
              light_choice = 'power'
              indirect = { glossy = false, compensation = 0, interleave = 1, filter = 'paper' }

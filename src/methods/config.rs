@@ -59,11 +59,12 @@ pub struct Preset {
 
 /// What every preset begins with: the paper's VPLs, every acceleration off, Lambertian surfaces and mirrors
 /// alone, facets as they are, panes that block shadow rays and lights chosen by power.
-const CANONICAL: [&str; 18] = [
+const CANONICAL: [&str; 19] = [
     "vpl_shoot.vpls=180",
     "vpl_shoot.bounces=3",
     "vpl_shoot.lobes=false",
     "vpl_shoot.guided=false",
+    "vpl_shoot.candidates=1",
     "pixel_samples=1",
     "shadow_terminator=false",
     "panes=false",
@@ -464,6 +465,7 @@ mod tests {
             ("vpl_shoot.bounces", "2"),
             ("vpl_shoot.lobes", "false"),
             ("vpl_shoot.guided", "false"),
+            ("vpl_shoot.candidates", "4"),
             ("whitted.specular_depth", "1"),
             ("whitted.mirror_roughness", "0.25"),
             ("whitted.light_samples", "64"),

@@ -25,13 +25,14 @@ impl Renderer {
         config.validate()?;
         let kernels = modelling(self.kernels(config.whitted.mirror_roughness), config, &[]);
         let mut shot = config.vpl_shoot.clone();
-        let path = shot.vpls / shot.paths();
-        shot.vpls = shot.paths().min(PATHS) * path;
+        let paths = shot.paths().min(PATHS);
+        shot.candidates = 1;
+        shot.vpls = paths * (shot.vpls / shot.paths());
         let Window { origin, extent, traced_origin, .. } = Window::of(config);
         let origin = [0, 1].map(|axis| origin[axis] - traced_origin[axis]);
         let mut g = Graph::new();
         let paths = vpl_shoot::paths(&mut g, &kernels, &shot, 1);
-        let vpls = vpl_shoot::compact(&mut g, &kernels, &shot, &paths, 1);
+        let vpls = vpl_shoot::compact(&mut g, &kernels, &shot, &paths, 1, 0.0);
         let seen = vpl_shoot::seen(&mut g, &kernels, &shot, &vpls, origin, extent);
         let (points, seen) = (g.read_buffer(seen.points), g.read_buffer::<u32>(seen.paths));
         let mut run = self.run(g, config, camera)?;

@@ -41,6 +41,16 @@ pub fn indirect(g: &mut Graph, gb: &GBuffer, irradiance: Res<Image>) -> Res<Imag
     })
 }
 
+/// Direct light with irradiance that rays have found of the environment.
+pub fn with_sky(g: &mut Graph, gb: &GBuffer, direct: Res<Image>, irradiance: Res<Image>) -> Res<Image> {
+    g.group("compose", |g| {
+        let out = g.image("direct", g.desc(direct));
+        let bind = kernels::sky::Bind { direct, irradiance, albedo: gb.albedo, out_radiance: out };
+        g.pass("sky", &kernels::sky::kernel(), bind, kernels::sky::Params {}, Grid::Over(out));
+        out
+    })
+}
+
 /// Takes `value` into the running mean of `count` samples before it.
 pub fn accumulate(g: &mut Graph, value: Res<Image>, mean: Res<Image>, count: u32) {
     g.group("compose", |g| {

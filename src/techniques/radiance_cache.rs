@@ -8,24 +8,30 @@
 //!
 //! Cells are cubes of a grid, apart for six directions of normals and either side of triangles, their edges about as wide as
 //! a ray's footprint. A record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by
-//! 32 samples of the lights and a run of 128 VPLs. It depends on cell and seed alone, so that crops and tiles keep their bits. The table has
-//! room for 2¹⁹ cells; one that finds no place is lit wherever it is asked for, slower and to the same bits.
+//! 32 samples of the lights and a run of 96 VPLs. Where one of these points does not see all others, a wall divides the cell:
+//! the record holds both sides, and a ray's end asks which it is on. It depends on cell and seed alone, so that crops and
+//! tiles keep their bits. The table has room for 2¹⁹ cells; one that finds no place is lit wherever it is asked for, slower
+//! and to the same bits.
 //!
-//! Bias: a record is a mean over its cell, so light leaks as far as a cell's edge, through thin walls on one floor too;
-//! surfaces are seen as Lambertians with the albedo of all that they scatter; records lack light that comes to them by way
+//! Light of the environment that the diffuse part gets straight is found by these rays, too, weighed against the samples of
+//! lights ([`super::whitted`]) by the balance heuristic (Veach 1997, §9.2): through a window few of either arrive, but what
+//! rays find neighbours share.
+//!
+//! Bias: a record is a mean over one side of its cell, so light leaks as far as a cell's edge, and where two walls divide one
+//! through the second; surfaces are seen as Lambertians with the albedo of all that they scatter; records lack light that comes to them by way
 //! of mirrors and glass, and take surfaces nearer than the smallest edge to be lit as they are themselves; of lamps that a
 //! ray of a point behind mirrors and glass finds by way of others it brings a quarter at most of what else arrives.
 //! Pixels on one plane lend each other what their rays find, two pixels far, and fourteen what they find by way of mirrors
 //! and glass, unless VPLs say that there is a shadow's edge between: that blurs contacts.
-//! Noise: grain by the rays' directions. Cost: a ray each, one more where a coat over something else is a mirror, and about
-//! 250 for a record.
+//! Noise: grain by the rays' directions. Cost: a ray each, one more where a coat over something else is a mirror or a wall
+//! divides the cell, and about 270 for a record.
 
 use super::Kernels;
 use super::gbuffer::{GBuffer, Geometry, Planes};
 use super::vpl_shoot::Vpls;
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
 use crate::shaders::radiance_cache::{record, request, request_points, resolve, resolve_points, smooth};
-use crate::shaders::{PointArgs, WantedArgs};
+use crate::shaders::{PointArgs, Record, WantedArgs};
 use std::mem::offset_of;
 
 /// Cells there is room for.
@@ -94,6 +100,8 @@ pub struct Gathered {
     pub irradiance: Res<Image>,
     /// That lobes reflect (W/(sr·m²)), where there are any.
     pub glossy: Option<Res<Image>>,
+    /// Irradiance by the environment (W/m²), where there is one: what samples of lights leave of it.
+    pub sky: Option<Res<Image>>,
 }
 
 /// Cells that a pass asks for.
@@ -111,7 +119,7 @@ pub fn cache(g: &mut Graph, rays: u32, vpls: &Vpls, distances: Distances) -> Cac
 fn of_slots(g: &mut Graph, slots: u32, rays: u32, vpls: &Vpls, distances: Distances) -> Cache {
     g.group("radiance_cache", |g| {
         let cells = g.buffer("cells", 8 * u64::from(slots));
-        let records = g.buffer("records", 12 * u64::from(slots));
+        let records = g.buffer("records", size_of::<Record>() as u64 * u64::from(slots));
         g.fill("clear", cells, 0);
         Cache { cells, records, slots, vpls: *vpls, rays, distances }
     })
@@ -157,6 +165,7 @@ impl Cache {
             let others = g.image("found", desc);
             let mut mirrored = if k.specular() { g.image("found_by_mirrors", desc) } else { others };
             let glossy = g.image("found_by_lobes", desc);
+            let mut sky = if k.profile.environment { g.image("found_of_sky", desc) } else { others };
             let ends = g.buffer("ends", 16 * u64::from(width * rows * rays));
             for first_row in (0..height).step_by(rows as usize) {
                 let end_row = (first_row + rows).min(height);
@@ -170,6 +179,7 @@ impl Cache {
                     ends,
                     out_irradiance: mirrored,
                     out_radiance: glossy,
+                    out_sky: sky,
                 };
                 let params = request::Params { slots, rays, first_row, end_row, min_distance, least_edge };
                 let strip = Grid::Of([width, end_row - first_row, 1]);
@@ -224,8 +234,14 @@ impl Cache {
                     mirrored = smooth(mirrored, step, false);
                 }
             }
+            if planes.is_some() && k.profile.environment {
+                for &step in &STEPS[..2] {
+                    sky = smooth(sky, step, false);
+                }
+            }
             let irradiance = smooth(mirrored, planes.map_or(0, |_| STEPS[0]), true);
-            Gathered { irradiance, glossy: k.glossy_lobes().then_some(glossy) }
+            let glossy = k.glossy_lobes().then_some(glossy);
+            Gathered { irradiance, glossy, sky: k.profile.environment.then_some(sky) }
         })
     }
 
@@ -297,7 +313,7 @@ mod tests {
         let mut g = Graph::new();
         let gb = gbuffer::gbuffer(&mut g, &k, [0, 0], config.size);
         let paths = vpl_shoot::paths(&mut g, &k, &config.vpl_shoot, 1);
-        let vpls = vpl_shoot::compact(&mut g, &k, &config.vpl_shoot, &paths, 1);
+        let vpls = vpl_shoot::compact(&mut g, &k, &config.vpl_shoot, &paths, 1, 0.0);
         let desc = g.desc(gb.albedo);
         let dark = g.image("dark", desc);
         g.clear_image("dark", dark);

@@ -86,8 +86,9 @@ impl WhittedConfig {
     }
 }
 
-/// Radiance by emission, direct light and the environment at the end of camera rays.
-pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) -> Res<Image> {
+/// Radiance by emission, direct light and the environment at the end of camera rays. With `rays` (of a
+/// [`super::radiance_cache`], of each pixel) without what those bring of the environment.
+pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer, rays: u32) -> Res<Image> {
     g.group("whitted", |g| {
         let out = g.image("direct", g.desc(gb.albedo));
         let samples = if k.samples_lights() { config.light_samples } else { 1 };
@@ -99,8 +100,12 @@ pub fn direct(g: &mut Graph, k: &Kernels, config: &WhittedConfig, gb: &GBuffer) 
                 before: if first > 0 { out } else { gb.albedo },
                 out_radiance: out,
             };
-            let kernel = kernels::direct::kernel(kernels::direct::Spec { continues: first > 0 }, &k.scene);
-            let params = kernels::direct::Params { first, last: first + RANGE };
+            let spec = kernels::direct::Spec {
+                continues: first > 0,
+                beside_rays: rays > 0 && k.profile.environment,
+            };
+            let kernel = kernels::direct::kernel(spec, &k.scene);
+            let params = kernels::direct::Params { first, last: first + RANGE, rays };
             g.pass("direct", &kernel, bind, params, Grid::Over(out));
         }
         out

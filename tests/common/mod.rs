@@ -23,6 +23,7 @@ use serde_json::Value;
 pub(crate) fn plain() -> RenderConfig {
     let mut config = RenderConfig::default();
     config.vpl_shoot.vpls = 180;
+    config.vpl_shoot.candidates = 1;
     config.whitted.light_samples = 16;
     config.indirect.compensation = 0;
     config.indirect.interleave = 1;

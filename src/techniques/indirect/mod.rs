@@ -61,20 +61,21 @@ pub struct IndirectConfig {
     /// mirrors and glass. They ask a cache of irradiance in the world ([`super::radiance_cache`]). 0: none, and no pass;
     /// lobes then are lit by VPLs, and presets leave it so. With any, `min_distance` follows what is seen and is a dial from
     /// VPLs to final gathering, and points behind mirrors and glass are lit by a subset of the VPLs each, as pixels are.
-    /// More: less grain, of what `filter` combined leaves; time in proportion. The defaults at 800×600 against 2048-sample path
-    /// tracing, of 4 seeds each, the median relMSE and bias as the mean ± standard error; beside it 180 VPLs by themselves, of
-    /// 8 seeds against path tracing of at most 5 edges:
+    /// More: less grain, of what `filter` combined leaves; time in proportion. The defaults at 800×600 on an H200 against
+    /// 2048-sample path tracing, of 16 seeds each: milliseconds, relMSE as median and worst, bias as the mean ± standard error;
+    /// beside it 180 VPLs by themselves, of 8 seeds against path tracing of at most 5 edges:
     ///
-    /// | room | relMSE | bias | by VPLs alone |
-    /// |---|---|---|---|
-    /// | Conference room, 4 points | 0.016 | −0.9 ± 0.7 % | 0.032, −9.1 % |
-    /// | Office, 2 points | 0.016 | +0.4 ± 1.1 % | 0.027, −4.2 % |
-    /// | Conference room, panels | 0.027 | −0.1 ± 0.3 % | 0.073, −4.8 % |
-    /// | Office, panels and lamp | 0.048 | −1.4 ± 1.1 % | 0.045, −4.8 % |
-    /// | Sponza | 0.12 | −1.0 ± 1.3 % | 0.17, −5.7 % |
-    /// | a staircase | 0.038 | −5.1 ± 2.2 % | 0.55, −18 % |
-    /// | a cabin | 0.030 | +0.1 ± 0.1 % | 0.096, −0.6 % |
-    /// | plates and lamps of Veach's | 0.086 | −0.1 ± 0.0 % | 0.11, −0.4 % |
+    /// | room | ms | relMSE | bias | by VPLs alone |
+    /// |---|---|---|---|---|
+    /// | Conference room, 4 points | 26 | 0.018, 0.40 | −0.5 ± 0.2 % | 0.032, −9.1 % |
+    /// | Office, 2 points | 18 | 0.019, 0.028 | −0.3 ± 0.5 % | 0.027, −4.2 % |
+    /// | Conference room, panels | 33 | 0.024, 0.088 | 0.0 ± 0.1 % | 0.073, −4.8 % |
+    /// | Office, panels and lamp | 24 | 0.051, 0.070 | −2.1 ± 0.2 % | 0.045, −4.8 % |
+    /// | Sponza | 24 | 0.038, 0.073 | +0.1 ± 0.5 % | 0.17, −5.7 % |
+    /// | a staircase | 21 | 0.037, 0.058 | −3.6 ± 0.4 % | 0.55, −18 % |
+    /// | a cabin | 22 | 0.029, 0.032 | 0.0 ± 0.1 % | 0.096, −0.6 % |
+    /// | plates and lamps of Veach's | 9 | 0.081, 0.089 | −0.1 ± 0.0 % | 0.11, −0.4 % |
+    /// | a school room lit by the sky through windows | 27 | 0.72, 39 | −8 ± 6 % | |
     ///
     /// Bias: the cache's. Rays meet triangles whatever the visibility.
     pub compensation: u32,
