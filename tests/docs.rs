@@ -55,8 +55,8 @@ fn point(id: &str, label: &str, settings: Value, ms: f64, rel_mse: f64) -> Point
 fn chart(scene: &str) -> Chart {
     let depth = json!(64);
     let fast = json!({
-        "method": "igi", "indirect.downsample": 4, "indirect.upsample": "plane", "indirect.interleave": 3,
-        "indirect.filter": "combined", "indirect.glossy": false, "indirect.compensation": 0,
+        "method": "igi", "indirect.downsample": 2, "indirect.upsample": "plane", "indirect.interleave": 3,
+        "indirect.filter": "combined", "indirect.least_fit": 0.6, "indirect.glossy": false, "indirect.compensation": 0,
         "whitted.light_samples": 16, "vpl_shoot.vpls": 180, "shadow_terminator": false, "vpl_shoot.bounces": 3,
         "vpl_shoot.lobes": false, "vpl_shoot.guided": false, "vpl_shoot.candidates": 1,
         "path_trace.max_depth": depth, "path_trace.pixel_filter": "center",

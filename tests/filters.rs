@@ -574,6 +574,32 @@ fn pixels_without_samples_are_gathered_anew() {
     }
 }
 
+/// The more subsets must fit, the more pixels are gathered anew, those of less among them, and the less is wrong.
+#[test]
+fn pixels_that_few_subsets_fit_are_gathered_anew() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (scene, camera) = clutter();
+    let mut renderer = software(&device, scene);
+    let size = [61, 47];
+    let canonical = picture(&mut renderer, &config(size, 1, 1), &camera);
+    let mut before: Option<(BTreeSet<u32>, f64)> = None;
+    for least_fit in [0.0, 0.6, 1.0] {
+        let mut config = config(size, 2, 3);
+        (config.indirect.filter, config.indirect.upsample) = (Filter::Combined, Upsample::Plane);
+        config.indirect.least_fit = least_fit;
+        let (frame, tapped) = tapped(&mut renderer, &config, &camera, &["indirect/combined:list"]);
+        let listed: BTreeSet<u32> =
+            tapped[0].iter().take(frame.regathered.unwrap() as usize).copied().collect();
+        let square = |(got, expected): (&f32, &f32)| f64::from(got - expected).powi(2);
+        let wrong: f64 = irradiance(&frame).iter().zip(irradiance(&canonical)).map(square).sum();
+        if let Some((fewer, more_wrong)) = before {
+            assert!(fewer.is_subset(&listed) && listed.len() > fewer.len(), "{least_fit}: {}", listed.len());
+            assert!(wrong < more_wrong, "{least_fit}: {wrong}, not less than {more_wrong}");
+        }
+        before = Some((listed, wrong));
+    }
+}
+
 // ---- the list of VPLs ----
 
 /// The list is that of the canonical path, by path and bounce, and each subset starts at a path of its own. Also where paths leave the open scene, and where there are fewer

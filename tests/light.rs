@@ -208,7 +208,7 @@ fn irradiance_at(
         0 => indirect,
         rays => {
             let distances = Distances { min_distance: m, edge: 0.1 * m };
-            let cache = radiance_cache::cache(&mut g, rays, &vpls, distances);
+            let cache = radiance_cache::cache(&mut g, rays, config.size, &vpls, distances);
             let geometry = gbuffer::unpack(&mut g, &kernels, &gb);
             cache.gather(&mut g, &kernels, &gb, &geometry, None, indirect).irradiance
         }

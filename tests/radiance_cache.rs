@@ -6,7 +6,7 @@ use common::{assert_close, gray, mean, quad, scene};
 use glam::Vec3;
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
-use parhelion::scene::{Camera, Environment, Scene, builtin};
+use parhelion::scene::{Camera, Environment, Material, Scene, builtin};
 use parhelion::vk::Backend;
 
 fn configuration(assignments: &[&str]) -> RenderConfig {
@@ -85,6 +85,33 @@ fn rays_bring_what_bounding_takes() {
         let without = over_seeds(&[vpls, distance], 2) / truth;
         assert!(without < 0.95, "{distance}: {without} without rays");
     }
+}
+
+/// A floor that is a mirror: records know the light that it brings, of a lamp that rays find in it, too.
+#[test]
+fn records_know_what_mirrors_bring() {
+    let Some((_guard, device)) = common::device() else { return };
+    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| 2.0 * axis);
+    let sides = [(y, x, z, 0), (Vec3::ZERO, y, z, 0), (x, z, y, 0), (Vec3::ZERO, x, y, 0), (z, y, x, 0)];
+    let floor = (Vec3::ZERO, z, x, 1);
+    let lamp = (Vec3::new(0.7, 1.9, 0.7), 0.6 * Vec3::X, 0.6 * Vec3::Z, 2);
+    let squares = sides.into_iter().chain([floor, lamp]);
+    let squares = squares.map(|(corner, u, v, material)| quad(corner, u, v, material)).collect();
+    let base_color = Vec3::splat(0.9).extend(1.0);
+    let mirror = Material { metallic: 1.0, roughness: 0.0, base_color, ..Material::default() };
+    let mut scene =
+        scene(squares, vec![gray(0.6), mirror, Material { emission: Vec3::splat(5.0), ..gray(0.0) }]);
+    scene.cameras = vec![Camera::look_at("camera", Vec3::new(0.3, 1.2, 1.8), Vec3::new(1.4, 0.9, 0.0), 1.2)];
+    let mut renderer = renderer_of(&device, scene);
+    let mut brought = |assignments: &[&str], seed: u32| {
+        let mut config = configuration(assignments);
+        (config.size, config.seed) = ([24, 18], seed);
+        mean(&draw(&mut renderer, &config).beauty.data)
+    };
+    let truth = brought(&["method=path", "path_trace.spp=1024", "path_trace.pixel_filter=center"], 1);
+    let by_rays = ["vpl_shoot.vpls=720", "indirect.min_distance=100", "indirect.compensation=8"];
+    let found = (1..=6).map(|seed| brought(&by_rays, seed)).sum::<f64>() / 6.0;
+    assert_close("light", found, truth, 0.02);
 }
 
 /// A sky that is bright on one side: rays and samples of lights together bring what samples alone do, on open ground and past

@@ -22,7 +22,8 @@ layout(set = 1, binding = 2, rgba32f) uniform readonly image2D position;
 layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_irradiance;
 layout(set = 1, binding = 4, scalar) writeonly buffer List { uint pixels[]; } list;
 layout(set = 1, binding = 5, scalar) buffer Args { MissingArgs at; } args;
-layout(push_constant) uniform Params { float reach; float least_cosine; } params;
+layout(set = 1, binding = 6, rgba32f) uniform readonly image2D albedo;
+layout(push_constant) uniform Params { float reach; float least_cosine; uint least_found; } params;
 
 #include "indirect/list_missing.glsl"
 
@@ -111,7 +112,9 @@ void main() {
             }
             radius += BEYOND;
         }
-        if (REGATHER && found == 0u) {
+        // What reflects nothing needs no light of its own.
+        if (REGATHER && found < params.least_found && (found == 0u || imageLoad(albedo, pixel).rgb != vec3(0.0))) {
+            irradiance = vec3(0.0);
             list_missing(pixel);
         } else if (found > 0u) {
             irradiance /= float(found);

@@ -12,15 +12,15 @@
 
 const uint LEVELS = 8u;
 const int HALF_CELLS = 1 << 17; // on either side of the scene's centre
-const uint PROBES = 32u;        // slots that are tried for a cell
-const uint NO_SLOT = 0xffffffffu;
 const uint RECORDS = 2u; // of a workgroup that makes them
 const float LIFT = 0.1;  // of points over their surface when they ask whether they see each other, in edges
 
-// Cells whose records are wanted, and how many workgroups make them.
+// What to dispatch on the table, and how full it is.
 struct WantedArgs {
-    uvec3 groups;
-    uint count;
+    uvec3 record; // workgroups that make the records that are wanted
+    uint count;   // of those
+    uvec3 forget; // workgroups that empty the table
+    uint used;    // slots, but for those of wanted records
 };
 
 struct Record {

@@ -18,6 +18,7 @@ struct End {
     bool found;
     Surface surface;
     bool front;
+    bool bent;     // mirrors or glass led there
     vec3 weight;   // of its irradiance
     vec3 radiance; // that the ray found on its way, by way of mirrors and glass alone
     vec3 sky;      // that comes from the environment straight, which lights are asked for, too
@@ -148,6 +149,7 @@ End follow(vec3 origin, vec3 direction, bool lobe, bool sky, float m, uint seed,
             end.found = true;
             end.surface = s;
             end.front = front;
+            end.bent = bent;
             end.weight = throughput * albedo * (left * (a + r + t) / a);
             going = false;
         } else if (u < a + r) {

@@ -4,9 +4,9 @@
 #define RADIANCE_CACHE_RECORD_GLSL
 
 #include "indirect/vpls.glsl"
-#include "lib/albedo.glsl"
 #include "lib/light_sampler.glsl"
 #include "radiance_cache/cells.glsl"
+#include "radiance_cache/rays.glsl"
 
 const uint LANES = 32u;          // that share a record
 const uint POINTS_A_CELL = 16u;  // at most
@@ -131,55 +131,76 @@ uint point_for(Chosen c, uint i, bool behind) {
     return findLSB(left);
 }
 
-// Share of its own light that a cell gets back from surfaces nearer than bounds VPLs, by cosine-distributed ray `i`, as if they
-// were lit as the cell is; and light of the environment that the ray finds, times π.
-void share_of_near(Receiver x, uint i, uint seed, float min_distance, out vec3 near, out vec3 sky, inout uint rays) {
-    near = sky = vec3(0.0);
-    vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(seed, 4u)));
-    if (dot(x.geometric_normal, direction) <= 0.0) return;
-    Hit hit;
-    ++rays;
-    float reach = ENVIRONMENT ? 1.0 / 0.0 : 1.2 * min_distance;
-    if (trace_closest(target(x), direction, 0.0, reach, hit)) {
-        Surface s = surface_at(hit);
-        bool front = face(s, -direction);
-        float lost = 1.0 - bounded(distance(x.position, s.position), min_distance);
-        if (lost > 0.0) near = lost * scattered_albedo(s.material, clamp(-dot(s.normal, direction), 0.0, 1.0), front);
-    } else if (ENVIRONMENT) {
-        float by_ray = dot(x.normal, direction) / PI, by_light = environment_pdf(all_lights(), direction);
-        sky = environment_radiance(direction) * (PI * by_ray / (by_ray + by_light));
-    }
+// What finds its way to points of a cell.
+struct Lit {
+    vec3 light; // W/m²
+    vec3 near;  // share of their own light that comes back
+    vec3 lamps; // W/m² of lamps that rays find by way of mirrors and glass
+};
+
+const Lit UNLIT = Lit(vec3(0.0), vec3(0.0), vec3(0.0));
+
+// Such lamps are bright and rare: they count no more than all else that arrives. Light goes to and fro between the cell and
+// what is near, too.
+vec3 irradiance_of(Lit lit) {
+    vec3 lamps = lit.lamps;
+    if (sum(lamps) > sum(lit.light)) lamps *= sum(lit.light) / sum(lamps);
+    return (lit.light + lamps) / (1.0 - min(lit.near, vec3(0.95)));
 }
 
-// Light that goes to and fro between the cell and those surfaces, too.
-vec3 with_near(vec3 light, vec3 near) { return light / (1.0 - min(near, vec3(0.95))); }
+// Light on its way to a point, W/m² of it if nothing is between.
+struct Sent {
+    vec3 light;
+    vec3 from;
+    vec3 along;
+    float reach;
+};
 
-// W/m² that arrive along one sample of the lights, over its probability. `beside_rays`: cosine-distributed rays find the
-// environment as well.
-vec3 arriving_light(Receiver x, vec3 u, bool beside_rays, inout uint rays) {
+const Sent NOTHING = Sent(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+
+// One sample of the lights, over its probability. `beside_rays`: cosine-distributed rays find the environment as well.
+Sent by_light(Receiver x, vec3 u, bool beside_rays) {
     vec3 from;
     LightSample light;
-    if (!sample_light(all_lights(), x, false, u, light, from) || dot(x.side_normal, light.direction) <= 0.0) return vec3(0.0);
+    if (!sample_light(all_lights(), x, false, u, light, from) || dot(x.side_normal, light.direction) <= 0.0) return NOTHING;
     float cosine = dot(x.normal, light.direction);
-    if (cosine <= 0.0) return vec3(0.0);
+    if (cosine <= 0.0) return NOTHING;
     if (ENVIRONMENT && beside_rays && light.sky) light.radiance_over_pdf *= light.pdf / (light.pdf + cosine / PI);
-    return arriving(cosine * light.radiance_over_pdf, from, light.direction, light.distance, rays);
+    return Sent(cosine * light.radiance_over_pdf, from, light.direction, light.distance);
 }
 
-uint run_length() { return min(RUN, count.vpls); }
-
-// VPL `i` of the run, of those that fewer than `bounces` diffuse hits have left: the cell's own is one more.
-vec3 share_of_vpl(Receiver x, uint i, uint seed, float min_distance, uint bounces, inout uint rays) {
+// VPL `i` of a run that begins anywhere, if fewer than `bounces` diffuse hits have left it: the point's own is one more.
+Sent by_vpl(Receiver x, uint i, uint seed, float min_distance, uint bounces) {
     uint k = (uint(unit_float(seed) * float(count.vpls)) + i) % count.vpls;
-    if (vpls.data[k].bounce + 1u >= bounces) return vec3(0.0);
+    if (vpls.data[k].bounce + 1u >= bounces) return NOTHING;
     Connection c = connect_vpl(k, x, min_distance);
-    return arriving_vpl(c, rays) * float(count.vpls);
+    return Sent(float(count.vpls) * c.light, c.from, c.to - c.from, 1.0);
 }
 
-struct Lit {
-    vec3 light;
-    vec3 near;
-};
+vec3 arriving_sent(Sent s, bool vpl, inout uint rays) {
+    if (s.light == vec3(0.0)) return s.light;
+    if (VISIBILITY == VISIBILITY_EXACT || !vpl) return arriving(s.light, s.from, s.along, s.reach, rays);
+    ++rays;
+    return trace_any_box(s.from, s.along, 0.0, 1.0) ? vec3(0.0) : s.light;
+}
+
+// By cosine-distributed ray `i`: the share of its own light that a cell gets back from surfaces nearer than bounds VPLs, as if
+// they were lit as the cell is; light of the environment, and of lamps by way of mirrors and glass. `end.bent`: they lead to
+// a surface whose light is still to be asked for.
+Lit share_of_ray(Receiver x, uint i, uint seed, float min_distance, out End end, inout uint rays) {
+    Lit lit = UNLIT;
+    end.found = end.bent = false;
+    vec3 direction = basis_around(x.normal) * sample_cosine_hemisphere(sobol(i, hash(seed, 4u)));
+    if (dot(x.geometric_normal, direction) <= 0.0) return lit;
+    end = follow(target(x), direction, false, ENVIRONMENT, min_distance, hash(seed, 5u, i), rays);
+    if (ENVIRONMENT) {
+        float by_ray = dot(x.normal, direction) / PI, by_light = environment_pdf(all_lights(), direction);
+        lit.light = end.sky * (PI * by_ray / (by_ray + by_light));
+    }
+    lit.lamps = PI * end.radiance;
+    if (end.found && !end.bent) lit.near = end.weight;
+    return lit;
+}
 
 // What a lane adds to a record: of points beside the first one, and of the others.
 struct Sides {
@@ -187,31 +208,53 @@ struct Sides {
     Lit behind;
 };
 
-const Sides DARK = Sides(Lit(vec3(0.0), vec3(0.0)), Lit(vec3(0.0), vec3(0.0)));
+const Sides DARK = Sides(UNLIT, UNLIT);
 
-Sides sum_of(Sides a, Sides b) {
-    return Sides(Lit(a.beside.light + b.beside.light, a.beside.near + b.beside.near),
-                 Lit(a.behind.light + b.behind.light, a.behind.near + b.behind.near));
-}
+Lit sum_of(Lit a, Lit b) { return Lit(a.light + b.light, a.near + b.near, a.lamps + b.lamps); }
+
+Sides sum_of(Sides a, Sides b) { return Sides(sum_of(a.beside, b.beside), sum_of(a.behind, b.behind)); }
+
+// What a ray's end that mirrors and glass lead to asks: one sample of the lights, and these VPLs.
+const uint VPLS_AT_END = 4u;
 
 Sides share_of_lane(Chosen c, uint lane, uint seed, float min_distance, uint bounces, inout uint rays) {
     Sides sides = DARK;
-    uint length = run_length(), reach = max(max(LIGHT_SAMPLES, length), LANES);
+    uint run = min(RUN, count.vpls), run_at_end = min(VPLS_AT_END, count.vpls);
+    uint reach = max(max(LIGHT_SAMPLES, run), LANES);
     for (uint i = lane; i < reach; i += LANES) {
         bool behind = is_behind(c, i);
-        Receiver x = receiver_of(point_of(point_for(c, i, behind)));
-        Lit lit = Lit(vec3(0.0), vec3(0.0));
+        Receiver x = receiver_of(point_of(point_for(c, i, behind))), y = x;
+        Lit lit = UNLIT;
+        vec3 weight = vec3(0.0);
+        bool bent = false;
         if (i < LANES) {
-            vec3 near, sky;
-            share_of_near(x, i, seed, min_distance, near, sky, rays);
-            lit.near = near / float(dealt(c, LANES, behind));
-            lit.light = sky / float(dealt(c, LANES, behind));
+            End end;
+            lit = share_of_ray(x, i, seed, min_distance, end, rays);
+            float share = 1.0 / float(dealt(c, LANES, behind));
+            lit = Lit(share * lit.light, share * lit.near, share * lit.lamps);
+            bent = (MIRRORS || GLASS) && end.found && end.bent && bounces > 1u;
+            if (bent) {
+                weight = share * end.weight;
+                y = receiver_at(end.surface);
+            }
         }
-        if (i < LIGHT_SAMPLES) {
-            vec3 u = vec3(sobol(i, hash(seed, 2u)).x, sobol(i, hash(seed, 3u)));
-            lit.light += arriving_light(x, u, true, rays) / float(dealt(c, LIGHT_SAMPLES, behind));
+        // All in one loop, since a copy of what it takes would be as long as the rest.
+        uint lights = i < LIGHT_SAMPLES ? 1u : 0u, own = lights + (i < run ? 1u : 0u);
+        uint last = bent ? own + 1u + run_at_end : own;
+        for (uint j = 0u; j < last; ++j) {
+            bool at_end = j >= own;
+            bool by_lights = at_end ? j == own : j < lights;
+            uint k = at_end ? by_lights ? 0u : j - own - 1u : i;
+            uint of = by_lights ? at_end ? 1u : LIGHT_SAMPLES : at_end ? run_at_end : run;
+            uint at = at_end ? hash(seed, 6u, i) : seed;
+            Receiver z = x;
+            if (at_end) z = y;
+            Sent sent;
+            if (by_lights) sent = by_light(z, vec3(sobol(k, hash(at, 2u)).x, sobol(k, hash(at, 3u))), !at_end);
+            else sent = by_vpl(z, k, at, min_distance, at_end ? bounces - 1u : bounces);
+            vec3 light = arriving_sent(sent, !by_lights, rays);
+            lit.light += at_end ? weight * light / float(of) : light / float(dealt(c, of, behind));
         }
-        if (i < length) lit.light += share_of_vpl(x, i, seed, min_distance, bounces, rays) / float(dealt(c, length, behind));
         Sides both = DARK;
         if (behind) both.behind = lit;
         else both.beside = lit;
@@ -224,9 +267,9 @@ Sides share_of_lane(Chosen c, uint lane, uint seed, float min_distance, uint bou
 Record record_of(Chosen c, Cell cell, float least, Sides sides) {
     Record r = Record(vec3(-1.0), vec3(0.0), 0u);
     if (c.beside == 0u) return r;
-    r.light = with_near(sides.beside.light, sides.beside.near);
+    r.light = irradiance_of(sides.beside);
     if (c.behind == 0u) return r;
-    r.behind = with_near(sides.behind.light, sides.behind.near);
+    r.behind = irradiance_of(sides.behind);
     // Never 0.
     r.first = 1u << 30 | place_in(cell, point_of(findLSB(c.beside)).position, edge_of(cell.level, least));
     return r;

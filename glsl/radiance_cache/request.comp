@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Follows the rays of primary hits, keeps what they find and asks for the records of the cells that they end in.
+// Follows the rays of primary hits and keeps what they find and the cells that they end in.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "lib/camera.glsl"
 #include "lib/counters.glsl"
@@ -8,23 +8,17 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 1, binding = 0, rgba32ui) uniform readonly uimage2D hits;
 layout(set = 1, binding = 1, rgba32f) uniform readonly image2D albedo;
-layout(set = 1, binding = 2, scalar) buffer Table { uint words[]; } table;
-layout(set = 1, binding = 3, scalar) writeonly buffer Wanted { uint slots[]; } wanted;
-layout(set = 1, binding = 4, scalar) buffer Args { WantedArgs at; } args;
-layout(set = 1, binding = 5, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
-layout(set = 1, binding = 6, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass, and whether any was asked for
-layout(set = 1, binding = 7, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
-layout(set = 1, binding = 8, rgba32f) uniform writeonly image2D out_sky;        // irradiance by the environment
+layout(set = 1, binding = 2, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
+layout(set = 1, binding = 3, rgba32f) uniform writeonly image2D out_irradiance; // by way of mirrors and glass, and whether any was asked for
+layout(set = 1, binding = 4, rgba32f) uniform writeonly image2D out_radiance;   // the same of lobes
+layout(set = 1, binding = 5, rgba32f) uniform writeonly image2D out_sky;        // irradiance by the environment
 layout(push_constant, scalar) uniform Params {
-    uint slots;
     uint rays;
     uint first_row;
     uint end_row;
     float min_distance;
     float least_edge;
 } params;
-
-#include "radiance_cache/wanted.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, params.first_row);
@@ -55,7 +49,7 @@ void main() {
             if (GLOSSY && lobe) radiance += weight * end.radiance;
             else irradiance += weight * PI * end.radiance;
             if (!lobe) sky += weight * PI * end.sky;
-            kept = keep_end(end, weight, lobe, params.least_edge, params.slots);
+            kept = kept_end(end, weight, lobe, params.least_edge);
         }
         ends.data[(uint(gl_GlobalInvocationID.y) * width + uint(pixel.x)) * params.rays + i] = kept;
     }

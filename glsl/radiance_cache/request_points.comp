@@ -10,12 +10,8 @@ layout(set = 1, binding = 0, scalar) readonly buffer ListArgs { PointArgs at; } 
 layout(set = 1, binding = 1, scalar) buffer Points { Reached data[]; } points;
 layout(set = 1, binding = 2, scalar) readonly buffer AllSeen { Seen data[]; } seen;
 layout(set = 1, binding = 3, scalar) readonly buffer Order { uint at[]; } order;
-layout(set = 1, binding = 4, scalar) buffer Table { uint words[]; } table;
-layout(set = 1, binding = 5, scalar) writeonly buffer Wanted { uint slots[]; } wanted;
-layout(set = 1, binding = 6, scalar) buffer Args { WantedArgs at; } args;
-layout(set = 1, binding = 7, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
+layout(set = 1, binding = 4, scalar) writeonly buffer Ends { uvec4 data[]; } ends;
 layout(push_constant, scalar) uniform Params {
-    uint slots;
     uint rays;
     uint capacity;
     uint first;
@@ -23,8 +19,6 @@ layout(push_constant, scalar) uniform Params {
     float min_distance;
     float least_edge;
 } params;
-
-#include "radiance_cache/wanted.glsl"
 
 // Lamps found by way of mirrors and glass are bright and rare, and these points have no neighbours to share them with: a ray
 // brings no more of them than a quarter of what is known to arrive already.
@@ -48,7 +42,7 @@ void main() {
             End end = end_of(sender, i, known.seed, params.min_distance, false, weight, rays);
             if (!lobe) weight *= diffuse_part(sender);
             found += no_more_than(weight * end.radiance * (GLOSSY ? 1.0 : PI), known_light);
-            kept = keep_end(end, weight, lobe, params.least_edge, params.slots);
+            kept = kept_end(end, weight, lobe, params.least_edge);
         }
         ends.data[(index - params.first) * params.rays + i] = kept;
     }

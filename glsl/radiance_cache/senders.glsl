@@ -2,7 +2,7 @@
 #ifndef RADIANCE_CACHE_SENDERS_GLSL
 #define RADIANCE_CACHE_SENDERS_GLSL
 
-#include "radiance_cache/cells.glsl"
+#include "radiance_cache/ends.glsl"
 #include "lib/light_sampler.glsl"
 #include "radiance_cache/rays.glsl"
 
@@ -38,23 +38,12 @@ Cell end_cell(End end, float least_edge) {
     return cell_at(end.surface.position, end.surface.geometric_normal, end.front, end.spread * end.way, least_edge);
 }
 
-// An end as it is kept: the key of its cell, its share of the light there, its place in it, and whether a lobe sent it.
-const uint BY_LOBE = 1u << 31;
-
-bool by_lobe(uvec4 end) { return (end.w & BY_LOBE) != 0u; }
-
-// Nine bits for each of three with one exponent.
-uint pack_weight(vec3 weight) {
-    float most = max_component(weight);
-    if (!(most > 0.0)) return 0u;
-    int exponent = clamp(int(floor(log2(most))) - 8, -24, 7);
-    uvec3 digits = uvec3(clamp(weight * exp2(float(-exponent)) + 0.5, vec3(0.0), vec3(511.0)));
-    return uint(exponent + 24) << 27 | digits.x << 18 | digits.y << 9 | digits.z;
-}
-
-vec3 weight_of(uvec4 end) {
-    vec3 digits = vec3(end.z >> 18 & 511u, end.z >> 9 & 511u, end.z & 511u);
-    return digits * exp2(float(int(end.z >> 27) - 24));
+// As it is kept; 0 where there is none.
+uvec4 kept_end(End end, vec3 weight, bool lobe, float least_edge) {
+    if (!end.found) return uvec4(0u);
+    Cell cell = end_cell(end, least_edge);
+    uint place = place_in(cell, end.surface.position, edge_of(cell.level, least_edge));
+    return asking_end(key_of(cell), weight * end.weight, lobe, place);
 }
 
 #endif

@@ -3,13 +3,16 @@
 // About how much light each of some points gets, by every few VPLs of a list. Threads share a point's VPLs.
 layout(local_size_x = 4, local_size_y = 16) in;
 #include "lib/counters.glsl"
-#include "vpl_shoot/gives.glsl"
+#include "lib/receiver.glsl"
+#include "shared/types.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
 layout(set = 1, binding = 2, scalar) readonly buffer Points { Receiver data[]; } points;
 layout(set = 1, binding = 3, scalar) writeonly buffer Totals { float data[]; } totals;
 layout(push_constant, scalar) uniform Params { uint points; uint step; float min_distance; } params;
+
+#include "indirect/vpls.glsl"
 
 shared float parts[gl_WorkGroupSize.y][gl_WorkGroupSize.x];
 
@@ -20,7 +23,7 @@ void main() {
     if (i < params.points) {
         Receiver x = points.data[i];
         for (uint k = local.y * params.step; k < count.vpls; k += gl_WorkGroupSize.y * params.step) {
-            part += gives(vpls.data[k], x, params.min_distance, rays);
+            part += sum(arriving_vpl(connect_vpl(k, x, params.min_distance), rays));
         }
     }
     parts[local.y][local.x] = part;

@@ -4,7 +4,8 @@
 // makes the noise least that a choice in proportion to it leaves there. Threads share a VPL's points.
 layout(local_size_x = 4, local_size_y = 16) in;
 #include "lib/counters.glsl"
-#include "vpl_shoot/gives.glsl"
+#include "lib/receiver.glsl"
+#include "shared/types.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vpls { Vpl data[]; } vpls;
 layout(set = 1, binding = 1, scalar) readonly buffer Count { uint vpls; } count;
@@ -13,7 +14,11 @@ layout(set = 1, binding = 3, scalar) readonly buffer Totals { float data[]; } to
 layout(set = 1, binding = 4, scalar) writeonly buffer Weights { float data[]; } matters;
 layout(push_constant, scalar) uniform Params { uint points; float min_distance; } params;
 
+#include "indirect/vpls.glsl"
+
+const uint THREADS = gl_WorkGroupSize.x * gl_WorkGroupSize.y;
 shared float parts[gl_WorkGroupSize.y][gl_WorkGroupSize.x];
+shared float sums[THREADS];
 
 // Points with less than this share of their mean light count as if they had it.
 const float DARK = 0.05;
@@ -23,13 +28,16 @@ void main() {
     uint k = gl_GlobalInvocationID.x, rays = 0u;
     bool there = k < count.vpls;
     float part = 0.0;
+    for (uint i = gl_LocalInvocationIndex; i < params.points; i += THREADS) part += totals.data[i];
+    sums[gl_LocalInvocationIndex] = part;
+    barrier();
+    part = 0.0;
     if (there) {
-        Vpl vpl = vpls.data[k];
-        float mean = 0.0;
-        for (uint i = 0u; i < params.points; ++i) mean += totals.data[i];
-        float dark = DARK * mean / float(params.points);
+        float dark = 0.0;
+        for (uint i = 0u; i < THREADS; ++i) dark += sums[i] * (DARK / float(params.points));
         for (uint i = local.y; i < params.points; i += gl_WorkGroupSize.y) {
-            float share = gives(vpl, points.data[i], params.min_distance, rays) / (totals.data[i] + dark);
+            Connection c = connect_vpl(k, points.data[i], params.min_distance);
+            float share = sum(arriving_vpl(c, rays)) / (totals.data[i] + dark);
             if (share > 0.0) part += share * share;
         }
     }

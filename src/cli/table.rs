@@ -3,7 +3,8 @@
 use crate::renderer::{Frame, PassStats};
 use std::fmt::Write;
 
-/// One line a group of passes and one for each pass in it, then their sum, and the frame where passes overlap.
+/// One line a group of passes and one for each pass in it, repeats together, then their sum, and the frame where passes
+/// overlap.
 pub(super) fn table(frame: &Frame) -> String {
     let total = sum(&frame.passes.iter().collect::<Vec<_>>());
     let mut groups: Vec<(&str, Vec<&PassStats>)> = Vec::new();
@@ -19,12 +20,20 @@ pub(super) fn table(frame: &Frame) -> String {
         match passes[..] {
             [pass] => rows.push(row(&pass.path, pass.ms, pass.rays, total)),
             _ => {
-                let rays = passes.iter().filter_map(|pass| pass.rays).reduce(|a, b| a + b);
-                rows.push(row(group, sum(passes), rays, total));
-                for pass in passes {
-                    let name =
-                        pass.path.strip_prefix(group).map_or(*group, |rest| rest.trim_start_matches('/'));
-                    rows.push(row(&format!("  {name}"), pass.ms, pass.rays, total));
+                rows.push(row(group, sum(passes), rays(passes), total));
+                let mut repeats: Vec<(&str, Vec<&PassStats>)> = Vec::new();
+                for &pass in passes {
+                    let path = pass.path.strip_prefix(group).unwrap_or(&pass.path);
+                    let path = path.trim_start_matches('/');
+                    let name = path.split('#').next().filter(|name| !name.is_empty()).unwrap_or(group);
+                    match repeats.iter_mut().find(|(repeated, _)| *repeated == name) {
+                        Some((_, repeats)) => repeats.push(pass),
+                        None => repeats.push((name, vec![pass])),
+                    }
+                }
+                for (name, passes) in &repeats {
+                    let times = if passes.len() > 1 { format!(" x{}", passes.len()) } else { String::new() };
+                    rows.push(row(&format!("  {name}{times}"), sum(passes), rays(passes), total));
                 }
             }
         }
@@ -51,6 +60,10 @@ pub(super) fn table(frame: &Frame) -> String {
 /// `None` where a pass was not timed.
 fn sum(passes: &[&PassStats]) -> Option<f64> {
     passes.iter().map(|pass| pass.ms).sum()
+}
+
+fn rays(passes: &[&PassStats]) -> Option<u64> {
+    passes.iter().filter_map(|pass| pass.rays).reduce(|a, b| a + b)
 }
 
 fn row(name: &str, ms: Option<f64>, rays: Option<u64>, total: Option<f64>) -> [String; 5] {
@@ -97,6 +110,19 @@ mod tests {
                 vec!["total", "8.00", "100.0", "%", "3.000", "375.00"],
             ]
         );
+    }
+
+    #[test]
+    fn repeats_share_a_line() {
+        let text = table(&frame(&[
+            ("cache/ask", Some(1.0), Some(1_000_000)),
+            ("cache/fill", Some(1.0), None),
+            ("cache/ask#2", Some(3.0), Some(3_000_000)),
+        ]));
+        let cells = cells(&text);
+        assert_eq!(cells[2], ["ask", "x2", "4.00", "80.0", "%", "4.000", "1000.00"]);
+        assert_eq!(cells[3][0], "fill");
+        assert_eq!(cells.len(), 5);
     }
 
     #[test]

@@ -151,7 +151,7 @@ const SMALL: &str = "
     preset = ['paper-canonical', 'paper-interleaved']
     [[sweep]]
     preset = 'fast'
-    indirect.downsample = [1, 2]
+    indirect.downsample = [1, 4]
 ";
 
 const PAPER: &str = "
@@ -197,7 +197,8 @@ const FINER: &str = "
     preset = 'fast'
     vpl_shoot.vpls = 1440
     vpl_shoot.bounces = 8
-    indirect.downsample = [1, 2]
+    indirect.downsample = 1
+    indirect.interleave = [2, 3]
 ";
 
 /// What it is tried with under stress.
@@ -340,7 +341,7 @@ fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) 
     let mut irradiance = indirect.irradiance;
     let cache = (rays > 0).then(|| {
         let distances = radiance_cache::Distances::of(min_distance, frame.free_path);
-        radiance_cache::cache(g, rays, &vpls, distances)
+        radiance_cache::cache(g, rays, frame.extent, &vpls, distances)
     });
     if let (Some(cache), Some(geometry)) = (&cache, &geometry) {
         let gathered = cache.gather(g, k, &gbuffer, geometry, config.indirect.planes(), irradiance);

@@ -10,17 +10,17 @@
 //! a ray's footprint. A record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by
 //! 32 samples of the lights and a run of 96 VPLs. Where one of these points does not see all others, a wall divides the cell:
 //! the record holds both sides, and a ray's end asks which it is on. It depends on cell and seed alone, so that crops and
-//! tiles keep their bits. The table has room for 2¹⁹ cells; one that finds no place is lit wherever it is asked for, slower
-//! and to the same bits.
+//! tiles keep their bits. So many ends ask at a time that all their cells have a place; where those of ends before them leave
+//! too little room, the table is emptied first, and what was in it is made anew if it is asked for again, to the same bits.
 //!
 //! Light of the environment that the diffuse part gets straight is found by these rays, too, weighed against the samples of
 //! lights ([`super::whitted`]) by the balance heuristic (Veach 1997, §9.2): through a window few of either arrive, but what
 //! rays find neighbours share.
 //!
 //! Bias: a record is a mean over one side of its cell, so light leaks as far as a cell's edge, and where two walls divide one
-//! through the second; surfaces are seen as Lambertians with the albedo of all that they scatter; records lack light that comes to them by way
-//! of mirrors and glass, and take surfaces nearer than the smallest edge to be lit as they are themselves; of lamps that a
-//! ray of a point behind mirrors and glass finds by way of others it brings a quarter at most of what else arrives.
+//! through the second; surfaces are seen as Lambertians with the albedo of all that they scatter; records take surfaces
+//! nearer than the smallest edge to be lit as they are themselves; of lamps that rays find by way of mirrors and glass a
+//! record takes no more than of all else, and a point behind mirrors and glass a quarter of what else arrives for each ray.
 //! Pixels on one plane lend each other what their rays find, two pixels far, and fourteen what they find by way of mirrors
 //! and glass, unless VPLs say that there is a shadow's edge between: that blurs contacts.
 //! Noise: grain by the rays' directions. Cost: a ray each, one more where a coat over something else is a mirror or a wall
@@ -30,15 +30,17 @@ use super::Kernels;
 use super::gbuffer::{GBuffer, Geometry, Planes};
 use super::vpl_shoot::Vpls;
 use crate::graph::{Buffer, Graph, Grid, Image, Res};
-use crate::shaders::radiance_cache::{record, request, request_points, resolve, resolve_points, smooth};
+use crate::shaders::radiance_cache::{
+    forget, light, make_room, record, request, request_points, resolve, resolve_points, smooth, want,
+};
 use crate::shaders::{PointArgs, Record, WantedArgs};
 use std::mem::offset_of;
 
-/// Cells there is room for.
-const SLOTS: u32 = 1 << 19;
+/// Most cells there is room for, 36 bytes each: twice as many as ends ask for at a time.
+const SLOTS: u32 = 1 << 20;
 
 /// Ends of rays that are kept at a time, 16 bytes each.
-const ENDS: u32 = 1 << 22;
+const ENDS: u32 = 1 << 21;
 
 /// Ways (pixels) between what is averaged: all that rays find, by the first, and by the others what few of them find, lamps in
 /// mirrors and glass.
@@ -77,6 +79,8 @@ impl Distances {
 pub struct Cache {
     cells: Res<Buffer>,
     records: Res<Buffer>,
+    wanted: Res<Buffer>,
+    args: Res<Buffer>,
     slots: u32,
     vpls: Vpls,
     /// A point sends so many.
@@ -104,15 +108,10 @@ pub struct Gathered {
     pub sky: Option<Res<Image>>,
 }
 
-/// Cells that a pass asks for.
-struct Wanted {
-    slots: Res<Buffer>,
-    args: Res<Buffer>,
-}
-
-/// An empty cache, for `rays` rays of each point.
-pub fn cache(g: &mut Graph, rays: u32, vpls: &Vpls, distances: Distances) -> Cache {
-    of_slots(g, SLOTS, rays, vpls, distances)
+/// An empty cache, for `rays` rays of each of so many pixels.
+pub fn cache(g: &mut Graph, rays: u32, extent: [u32; 2], vpls: &Vpls, distances: Distances) -> Cache {
+    let ends = rays.saturating_mul(extent[0]).saturating_mul(extent[1]);
+    of_slots(g, (2 * ends.min(SLOTS / 2)).next_power_of_two(), rays, vpls, distances)
 }
 
 /// With room for so many cells, a power of two.
@@ -120,31 +119,42 @@ fn of_slots(g: &mut Graph, slots: u32, rays: u32, vpls: &Vpls, distances: Distan
     g.group("radiance_cache", |g| {
         let cells = g.buffer("cells", 8 * u64::from(slots));
         let records = g.buffer("records", size_of::<Record>() as u64 * u64::from(slots));
+        let wanted = g.buffer("wanted", 4 * u64::from(slots / 2));
+        let args = g.buffer("args", size_of::<WantedArgs>() as u64);
         g.fill("clear", cells, 0);
-        Cache { cells, records, slots, vpls: *vpls, rays, distances }
+        g.fill("none", args, 0);
+        Cache { cells, records, wanted, args, slots, vpls: *vpls, rays, distances }
     })
 }
 
 impl Cache {
-    fn wanted(&self, g: &mut Graph) -> Wanted {
-        let none = WantedArgs { groups: [0, 1, 1], count: 0 };
-        let args = g.buffer_with("record_args", bytemuck::bytes_of(&none).to_vec());
-        Wanted { slots: g.buffer("wanted", 4 * u64::from(self.slots)), args }
-    }
-
-    fn record(&self, g: &mut Graph, k: &Kernels, wanted: &Wanted) {
-        let bind = record::Bind {
-            vpls: self.vpls.list,
-            count: self.vpls.count,
-            table: self.cells,
-            wanted: wanted.slots,
-            args: wanted.args,
-            records: self.records,
-        };
-        let Distances { edge, .. } = self.distances;
-        let params = record::Params { least_edge: edge, bounces: self.vpls.bounces };
-        let grid = Grid::Indirect { buffer: wanted.args, offset: 0 };
-        g.pass("record", &record::kernel(&k.scene), bind, params, grid);
+    /// Puts the light of `count` ends in their place.
+    fn light(&self, g: &mut Graph, k: &Kernels, ends: Res<Buffer>, count: u32) {
+        let &Self {
+            cells, records, wanted, args, slots, distances: Distances { edge: least_edge, .. }, ..
+        } = self;
+        let asks = slots / 2;
+        let dispatch = |offset: usize| Grid::Indirect { buffer: args, offset: offset as u64 };
+        for first in (0..count).step_by(asks as usize) {
+            let last = count.min(first + asks);
+            let range = Grid::Of([last - first, 1, 1]);
+            let forget_groups = slots.div_ceil(forget::CODE.workgroup[0]);
+            let params = make_room::Params { asks: last - first, slots, forget_groups };
+            let one = Grid::Of([1, 1, 1]);
+            g.pass("make_room", &make_room::kernel(), make_room::Bind { args }, params, one);
+            let bind = forget::Bind { table: cells, args };
+            let grid = dispatch(offset_of!(WantedArgs, forget));
+            g.pass("forget", &forget::kernel(), bind, forget::Params { slots }, grid);
+            let bind = want::Bind { ends, table: cells, wanted, args };
+            g.pass("want", &want::kernel(), bind, want::Params { first, last, slots }, range);
+            let Vpls { list: vpls, count, bounces, .. } = self.vpls;
+            let bind = record::Bind { vpls, count, table: cells, wanted, args, records };
+            let grid = dispatch(offset_of!(WantedArgs, record));
+            g.pass("record", &record::kernel(&k.scene), bind, record::Params { least_edge, bounces }, grid);
+            let bind = light::Bind { table: cells, records, ends };
+            let params = light::Params { first, last, slots, least_edge };
+            g.pass("light", &light::kernel(&k.scene), bind, params, range);
+        }
     }
 
     /// Adds what rays of primary hits find to `gathered`, averaged over neighbours on the same of these `planes`.
@@ -157,7 +167,7 @@ impl Cache {
         planes: Option<Planes>,
         gathered: Res<Image>,
     ) -> Gathered {
-        let &Self { slots, rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
+        let &Self { rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
         g.group("radiance_cache", |g| {
             let desc = g.desc(gb.albedo);
             let [width, height] = desc.extent;
@@ -169,43 +179,22 @@ impl Cache {
             let ends = g.buffer("ends", 16 * u64::from(width * rows * rays));
             for first_row in (0..height).step_by(rows as usize) {
                 let end_row = (first_row + rows).min(height);
-                let wanted = self.wanted(g);
                 let bind = request::Bind {
                     hits: gb.hits,
                     albedo: gb.albedo,
-                    table: self.cells,
-                    wanted: wanted.slots,
-                    args: wanted.args,
                     ends,
                     out_irradiance: mirrored,
                     out_radiance: glossy,
                     out_sky: sky,
                 };
-                let params = request::Params { slots, rays, first_row, end_row, min_distance, least_edge };
+                let params = request::Params { rays, first_row, end_row, min_distance, least_edge };
                 let strip = Grid::Of([width, end_row - first_row, 1]);
                 g.pass("request", &request::kernel(&k.scene), bind, params, strip);
-                self.record(g, k, &wanted);
-                let bind = resolve::Bind {
-                    hits: gb.hits,
-                    albedo: gb.albedo,
-                    vpls: self.vpls.list,
-                    count: self.vpls.count,
-                    table: self.cells,
-                    records: self.records,
-                    ends,
-                    out_irradiance: others,
-                    radiance: glossy,
-                };
-                let params = resolve::Params {
-                    slots,
-                    rays,
-                    first_row,
-                    end_row,
-                    min_distance,
-                    least_edge,
-                    bounces: self.vpls.bounces,
-                };
-                g.pass("resolve", &resolve::kernel(&k.scene), bind, params, strip);
+                self.light(g, k, ends, width * (end_row - first_row) * rays);
+                let bind =
+                    resolve::Bind { albedo: gb.albedo, ends, out_irradiance: others, radiance: glossy };
+                let params = resolve::Params { rays, first_row, end_row };
+                g.pass("resolve", &resolve::kernel(), bind, params, strip);
             }
             let mut smooth = |mirrored, step: i32, last: bool| {
                 let out = g.image("smooth", desc);
@@ -247,49 +236,21 @@ impl Cache {
 
     /// Adds what rays of listed points find to their light.
     pub(super) fn gather_points(&self, g: &mut Graph, k: &Kernels, points: &Points) {
-        let &Self { slots, rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
+        let &Self { rays, distances: Distances { min_distance, edge: least_edge }, .. } = self;
         let &Points { list, seen, order, args, capacity } = points;
         let step = (ENDS / rays).min(capacity);
         let ends = g.buffer("ends", 16 * u64::from(step * rays));
         let grid = Grid::Indirect { buffer: args, offset: offset_of!(PointArgs, collect) as u64 };
         for first in (0..capacity).step_by(step as usize) {
             let last = first + step;
-            let wanted = self.wanted(g);
-            let bind = request_points::Bind {
-                list: args,
-                points: list,
-                seen,
-                order,
-                table: self.cells,
-                wanted: wanted.slots,
-                args: wanted.args,
-                ends,
-            };
-            let params =
-                request_points::Params { slots, rays, capacity, first, last, min_distance, least_edge };
+            // Of points that are not there.
+            g.fill("none", ends, 0);
+            let bind = request_points::Bind { list: args, points: list, seen, order, ends };
+            let params = request_points::Params { rays, capacity, first, last, min_distance, least_edge };
             g.pass("request_points", &request_points::kernel(&k.scene), bind, params, grid);
-            self.record(g, k, &wanted);
-            let bind = resolve_points::Bind {
-                list: args,
-                points: list,
-                seen,
-                order,
-                vpls: self.vpls.list,
-                count: self.vpls.count,
-                table: self.cells,
-                records: self.records,
-                ends,
-            };
-            let params = resolve_points::Params {
-                slots,
-                rays,
-                capacity,
-                first,
-                last,
-                min_distance,
-                least_edge,
-                bounces: self.vpls.bounces,
-            };
+            self.light(g, k, ends, step * rays);
+            let bind = resolve_points::Bind { list: args, points: list, order, ends };
+            let params = resolve_points::Params { rays, capacity, first, last };
             g.pass("resolve_points", &resolve_points::kernel(&k.scene), bind, params, grid);
         }
     }
@@ -324,9 +285,9 @@ mod tests {
         renderer.run(g, &config, &camera).unwrap().take(ticket)
     }
 
-    /// A cell that finds no place in the table is lit to the same bits.
+    /// Records that had to make room for others are made anew to the same bits.
     #[test]
-    fn a_full_table_changes_no_bit() {
+    fn an_emptied_table_changes_no_bit() {
         let Some((_guard, device)) = common::device() else { return };
         let scene = builtin::by_name("cornell").unwrap();
         let options = RendererOptions {
@@ -334,7 +295,7 @@ mod tests {
             ..RendererOptions::default()
         };
         let mut renderer = Renderer::new(&device, scene, &options).unwrap();
-        let [roomy, narrow] = [1 << 14, 16].map(|slots| brought(&mut renderer, slots));
+        let [roomy, narrow] = [1 << 14, 128].map(|slots| brought(&mut renderer, slots));
         let lit = roomy.iter().filter(|texel| f32::from_bits(texel[0]) > 0.0).count();
         assert!(2 * lit > roomy.len(), "{lit} of {} pixels get anything", roomy.len());
         assert!(roomy == narrow);

@@ -17,6 +17,30 @@ pub(super) fn against_reference(
     Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
 }
 
+/// Seeds of [`mean_against_reference`].
+const SEEDS: u32 = 4;
+
+/// Of the mean of pictures by several seeds: a measure of what is lost, not of noise.
+pub(super) fn mean_against_reference(
+    lab: &mut Lab<'_>,
+    config: &RenderConfig,
+    subject: &Subject,
+    part: Part,
+    measure: impl Fn(&[f32], &[f32]) -> f64,
+) -> Result<Measured, Error> {
+    let shot = Shot::default();
+    let mut picture = lab.picture(subject, &shot, config, part)?;
+    for i in 1..SEEDS {
+        let config = RenderConfig { seed: config.seed.wrapping_add(i), ..config.clone() };
+        let other = lab.picture(subject, &shot, &config, part)?;
+        picture.data.iter_mut().zip(&other.data).for_each(|(sum, value)| *sum += value);
+    }
+    picture.data.iter_mut().for_each(|sum| *sum /= SEEDS as f32);
+    let reference = lab.reference(subject, &shot, config, part)?;
+    let value = measure(&picture.data, &reference.data);
+    Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
+}
+
 pub(super) fn mean(layer: &Layer) -> f64 {
     layer.data.iter().map(|&value| f64::from(value)).sum::<f64>() / layer.data.len() as f64
 }

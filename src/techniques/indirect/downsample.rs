@@ -58,6 +58,7 @@ pub(super) fn combined(
         out_irradiance: out,
         list: missing.list,
         args: missing.args,
+        albedo: s.gbuffer.albedo,
     };
     let spec = combined_kernel::Spec {
         downsample: s.config.downsample,
@@ -65,8 +66,11 @@ pub(super) fn combined(
         irregular: s.config.irregular(),
         regather: s.config.upsample == Upsample::Plane,
     };
-    let params =
-        combined_kernel::Params { reach: s.config.plane_threshold, least_cosine: s.config.plane_cosine };
+    let params = combined_kernel::Params {
+        reach: s.config.plane_threshold,
+        least_cosine: s.config.plane_cosine,
+        least_found: s.config.least_found(),
+    };
     g.pass("combined", &combined_kernel::kernel(spec), bind, params, Grid::Over(out));
     out
 }

@@ -62,20 +62,21 @@ pub struct IndirectConfig {
     /// lobes then are lit by VPLs, and presets leave it so. With any, `min_distance` follows what is seen and is a dial from
     /// VPLs to final gathering, and points behind mirrors and glass are lit by a subset of the VPLs each, as pixels are.
     /// More: less grain, of what `filter` combined leaves; time in proportion. The defaults at 800×600 on an H200 against
-    /// 2048-sample path tracing, of 16 seeds each: milliseconds, relMSE as median and worst, bias as the mean ± standard error;
-    /// beside it 180 VPLs by themselves, of 8 seeds against path tracing of at most 5 edges:
+    /// path tracing of 1024 samples, of 12 seeds each: milliseconds, relMSE as median and worst, bias as the mean ± standard
+    /// error (rooms with a star: 2048 samples, 16 seeds, before records knew what mirrors bring); beside it 180 VPLs by
+    /// themselves, of 8 seeds against path tracing of at most 5 edges:
     ///
     /// | room | ms | relMSE | bias | by VPLs alone |
     /// |---|---|---|---|---|
-    /// | Conference room, 4 points | 26 | 0.018, 0.40 | −0.5 ± 0.2 % | 0.032, −9.1 % |
-    /// | Office, 2 points | 18 | 0.019, 0.028 | −0.3 ± 0.5 % | 0.027, −4.2 % |
-    /// | Conference room, panels | 33 | 0.024, 0.088 | 0.0 ± 0.1 % | 0.073, −4.8 % |
-    /// | Office, panels and lamp | 24 | 0.051, 0.070 | −2.1 ± 0.2 % | 0.045, −4.8 % |
-    /// | Sponza | 24 | 0.038, 0.073 | +0.1 ± 0.5 % | 0.17, −5.7 % |
-    /// | a staircase | 21 | 0.037, 0.058 | −3.6 ± 0.4 % | 0.55, −18 % |
-    /// | a cabin | 22 | 0.029, 0.032 | 0.0 ± 0.1 % | 0.096, −0.6 % |
-    /// | plates and lamps of Veach's | 9 | 0.081, 0.089 | −0.1 ± 0.0 % | 0.11, −0.4 % |
-    /// | a school room lit by the sky through windows | 27 | 0.72, 39 | −8 ± 6 % | |
+    /// | Conference room, 4 points | 29 | 0.016, 0.027 | 0.0 ± 0.3 % | 0.032, −9.1 % |
+    /// | Office, 2 points * | 18 | 0.019, 0.028 | −0.3 ± 0.5 % | 0.027, −4.2 % |
+    /// | Conference room, panels | 34 | 0.025, 0.050 | 0.0 ± 0.1 % | 0.073, −4.8 % |
+    /// | Office, panels and lamp | 23 | 0.051, 0.069 | −1.2 ± 0.2 % | 0.045, −4.8 % |
+    /// | Sponza | 21 | 0.038, 0.122 | +0.7 ± 0.5 % | 0.17, −5.7 % |
+    /// | a staircase | 21 | 0.035, 0.043 | −1.9 ± 0.4 % | 0.55, −18 % |
+    /// | a cabin | 22 | 0.029, 0.031 | 0.0 ± 0.1 % | 0.096, −0.6 % |
+    /// | plates and lamps of Veach's * | 9 | 0.081, 0.089 | −0.1 ± 0.0 % | 0.11, −0.4 % |
+    /// | a school room lit by the sky through windows * | 27 | 0.72, 39 | −8 ± 6 % | |
     ///
     /// Bias: the cache's. Rays meet triangles whatever the visibility.
     pub compensation: u32,
@@ -113,6 +114,10 @@ pub struct IndirectConfig {
     pub plane_threshold: f32,
     /// … and its weight falls to 0 as the cosine between normals falls to this, −1 … 1 (1 excluded).
     pub plane_cosine: f32,
+    /// For `combined` with `upsample` plane: a pixel that samples of fewer than this share of the subsets fit is gathered by
+    /// itself, 0 … 1. Small surfaces, thin lines and edges have few: more leaves less error there and costs as many rays a
+    /// pixel as there are VPLs. 0: only where none fits.
+    pub least_fit: f32,
     /// Whether clear coats and specular lobes rougher than `whitted.mirror_roughness` count: in direct light, behind
     /// mirrors, and at primary hits lit by every VPL at every pixel, whatever the accelerations. Without, their light is
     /// missing, and pictures of materials other than Lambertian are darker; with, a scene that has such materials takes
@@ -137,6 +142,7 @@ impl Default for IndirectConfig {
             normal_threshold: 0.9,
             plane_threshold: 0.5,
             plane_cosine: 0.8,
+            least_fit: 0.0,
             glossy: true,
         }
     }
@@ -151,6 +157,7 @@ impl Settings for IndirectConfig {
         within("indirect.normal_threshold", self.normal_threshold, -1.0..=1.0)?;
         within("indirect.plane_threshold", self.plane_threshold, f32::MIN_POSITIVE..=f32::MAX)?;
         within("indirect.plane_cosine", self.plane_cosine, -1.0..=0.999)?;
+        within("indirect.least_fit", self.least_fit, 0.0..=1.0)?;
         if let Some(distance) = self.min_distance
             && !(distance.is_finite() && distance >= 0.0)
         {
@@ -306,6 +313,11 @@ impl IndirectConfig {
             Filter::Combined => 8,
         };
         (samples * self.downsample).max(self.planes().map_or(0, |_| super::radiance_cache::REACH))
+    }
+
+    /// Subsets that need a fitting sample.
+    fn least_found(&self) -> u32 {
+        ((self.least_fit * self.subsets() as f32).ceil() as u32).max(1)
     }
 
     fn irregular(&self) -> bool {
