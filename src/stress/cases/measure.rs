@@ -10,32 +10,26 @@ pub(super) fn against_reference(
     part: Part,
     measure: impl Fn(&[f32], &[f32]) -> f64,
 ) -> Result<Measured, Error> {
-    let shot = Shot::default();
-    let picture = lab.picture(subject, &shot, config, part)?;
-    let reference = lab.reference(subject, &shot, config, part)?;
-    let value = measure(&picture.data, &reference.data);
-    Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
+    mean_against_reference(lab, config, subject, part, 1, measure)
 }
 
-/// Seeds of [`mean_against_reference`].
-const SEEDS: u32 = 4;
-
-/// Of the mean of pictures by several seeds: a measure of what is lost, not of noise.
+/// Of the mean of pictures by `seeds` seeds: many leave what is lost, and little noise.
 pub(super) fn mean_against_reference(
     lab: &mut Lab<'_>,
     config: &RenderConfig,
     subject: &Subject,
     part: Part,
+    seeds: u32,
     measure: impl Fn(&[f32], &[f32]) -> f64,
 ) -> Result<Measured, Error> {
     let shot = Shot::default();
     let mut picture = lab.picture(subject, &shot, config, part)?;
-    for i in 1..SEEDS {
+    for i in 1..seeds {
         let config = RenderConfig { seed: config.seed.wrapping_add(i), ..config.clone() };
         let other = lab.picture(subject, &shot, &config, part)?;
         picture.data.iter_mut().zip(&other.data).for_each(|(sum, value)| *sum += value);
     }
-    picture.data.iter_mut().for_each(|sum| *sum /= SEEDS as f32);
+    picture.data.iter_mut().for_each(|sum| *sum /= seeds as f32);
     let reference = lab.reference(subject, &shot, config, part)?;
     let value = measure(&picture.data, &reference.data);
     Ok(Measured::new(value, [("picture", picture), ("reference", reference)]))
