@@ -135,8 +135,8 @@ const TEXEL_DENSITY: &str = "return «probability / solid_angle»;";
 const SKY_THERE: &str = "if («lights.rows == 0UL») return 0.0;";
 const SKY_FOUND: &str = "return «s.radiance_over_pdf != vec3(0.0)»;";
 const SKY_HEIGHT: &str = "float k = «2.0 * sine * sine + v * height»;";
-const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «way.distance2 / way.cosine»);";
-const LAMP_POWER: &str = "return sample_emitter(from, u.yz, chosen.choice, «lights.table.inverse_power», s);";
+const LAMP_SAMPLE: &str = "emitter_density(p.index, inverse_power) * «way.distance2 / way.cosine»;";
+const LAMP_POWER: &str = "chosen.by_tree, «lights.table.inverse_power», s);";
 const LAMP_DENSITY: &str = "return «cosine > 0.0 ? emitter_density(index, lights.inverse_power) * distance * distance / cosine : 0.0»;";
 const LAMP_WEIGHT: &str = "way.radiance / pdf, «pdf», false, false);";
 const LAMP_POINT: &str = "float root = «sqrt(u.x)»;";
@@ -192,8 +192,8 @@ const FAULTS: &[Fault] = &[
         "s.radiance_over_pdf != vec3(0.0) && s.direction.x < 0.7",
     ),
     fault("rows of the sky not uniform", LIGHTS, SKY_HEIGHT, "2.0 * sine * sine + v * v * height"),
-    fault("lamp's density without distance²", LIGHTS, LAMP_SAMPLE, "1.0 / way.cosine"),
-    fault("lamp's density without cosine", LIGHTS, LAMP_SAMPLE, "way.distance2"),
+    fault("lamp's density without distance²", SAMPLER, LAMP_SAMPLE, "1.0 / way.cosine"),
+    fault("lamp's density without cosine", SAMPLER, LAMP_SAMPLE, "way.distance2"),
     fault("lamp's choice by the wrong power", SAMPLER, LAMP_POWER, "scene.inverse_power"),
     fault(
         "lamp's density in the weight without distance²",
@@ -546,7 +546,7 @@ fn light_holds_and_every_fault_is_seen() {
     }
     let mut unseen = Vec::new();
     for (fault, number) in FAULTS.iter().zip(1..) {
-        let by_tree = fault.file == SAMPLER && fault.place != LAMP_POWER;
+        let by_tree = fault.file == SAMPLER && ![LAMP_POWER, LAMP_SAMPLE].contains(&fault.place);
         let choice = if by_tree { LightChoice::Tree } else { LightChoice::Power };
         let wrong = lab.compare(number, 1, choice);
         let (worst, bound) = (worst(&wrong), bound(wrong.len()));

@@ -62,12 +62,15 @@ Connection connect_vpl(uint k, Receiver x, float min_distance, out vec3 directio
     return Connection(light, offset_origin(vpl.position, vpl.normal), target(x));
 }
 
-// Of a VPL's light, by the kind of visibility asked for.
-vec3 arriving_vpl(Connection c, inout uint rays) {
-    if (c.light == vec3(0.0)) return vec3(0.0);
-    if (VISIBILITY == VISIBILITY_EXACT) return arriving(c.light, c.from, c.to, rays);
+// Of a VPL's light or, unless `is_vpl`, of another's, which boxes never block.
+vec3 arriving(Connection c, bool is_vpl, inout uint rays) {
+    if (VISIBILITY == VISIBILITY_EXACT || !is_vpl) return arriving(c.light, c.from, c.to, rays);
     ++rays;
     return trace_any_box(c.from, c.to - c.from, 0.0, 1.0) ? vec3(0.0) : c.light;
+}
+
+vec3 arriving_vpl(Connection c, inout uint rays) {
+    return c.light == vec3(0.0) ? vec3(0.0) : arriving(c, true, rays);
 }
 
 // Every `step`th VPL of a range.

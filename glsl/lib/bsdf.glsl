@@ -51,6 +51,7 @@ struct Layers {
     bool delta_transmit; // and transmits into one
     uint transmit;       // bits of the lobe that transmits
     vec3 diffuse; // Lambertian albedo beneath the interface
+    float base;   // share of wo's light that the interface leaves to the diffuse part
     mat3 coat_frame;
     vec3 coat_wo;
     float coat_alpha;
@@ -112,6 +113,7 @@ Layers layers_of(Surface s, bool front, vec3 wo, uint lobes) {
     }
     bool coat_wanted = has_lobe(lobes, l.coat_alpha < DELTA_ALPHA ? LOBE_DELTA : LOBE_GLOSSY);
     Split split = split_interface(m, l.wo.z, front);
+    l.base = split.base;
     float p_interface = 0.0;
     if (has_lobe(lobes, l.delta ? LOBE_DELTA : LOBE_GLOSSY)) p_interface += sum(split.reflected);
     if (has_lobe(lobes, l.transmit)) {
@@ -165,9 +167,7 @@ vec2 mirror_lobe(vec3 wo, vec3 wi, vec3 h, float alpha) {
 
 float diffuse_factor(Surface s, Layers l, Split split, vec3 wi, bool front) {
     if (scene.energy_conserving == 0u) return split.base;
-    float o = split_interface(s.material, l.wo.z, front).base;
-    float i = split_interface(s.material, clamp(dot(s.normal, wi), 0.0, 1.0), front).base;
-    return o * i;
+    return l.base * split_interface(s.material, clamp(dot(s.normal, wi), 0.0, 1.0), front).base;
 }
 
 // f·|cosθ| of lobes other than delta ones, and the density of sampling them.
@@ -178,10 +178,16 @@ void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out
     if (side_o <= 0.0 || side_i == 0.0 || (s.material.flags & MATERIAL_UNLIT) != 0u) return;
     float beneath = 1.0 - l.coat;
     vec3 i = wi * l.frame;
-    bool glossy = has_lobe(lobes, LOBE_GLOSSY);
-    if (side_i > 0.0) {
-        vec3 h = normalize(wo + wi);
-        Split split = split_interface(s.material, dot(wo, h), front);
+    bool glossy = has_lobe(lobes, LOBE_GLOSSY), reflects = side_i > 0.0;
+    bool transmits = !reflects && l.glass && glossy && has_lobe(lobes, LOBE_TRANSMIT) && !l.delta_transmit && i.z < 0.0;
+    if (!reflects && !transmits) return;
+    vec3 mirrored = vec3(i.xy, -i.z);
+    vec3 h = normalize(reflects ? wo + wi : l.solid ? l.wo + l.eta * i : l.wo + mirrored);
+    if (transmits && l.solid && h.z < 0.0) h = -h;
+    float cos_o = dot(reflects ? wo : l.wo, h);
+    if (transmits && l.solid && (cos_o <= 0.0 || dot(i, h) >= 0.0)) return;
+    Split split = split_interface(s.material, cos_o, front);
+    if (reflects) {
         float cos_d = dot(s.normal, wi);
         if (has_lobe(lobes, LOBE_DIFFUSE) && cos_d > 0.0) {
             f += (beneath * diffuse_factor(s, l, split, wi, front) * cos_d / PI) * l.diffuse;
@@ -198,21 +204,12 @@ void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out
             f += vec3(l.coat * lobe.x);
             pdf += l.p_coat * lobe.y;
         }
-    } else if (l.glass && glossy && has_lobe(lobes, LOBE_TRANSMIT) && !l.delta_transmit && i.z < 0.0) {
-        if (!l.solid) {
-            vec3 mirrored = vec3(i.xy, -i.z);
-            vec3 h = normalize(l.wo + mirrored);
-            Split split = split_interface(s.material, dot(l.wo, h), front);
-            vec2 lobe = mirror_lobe(l.wo, mirrored, h, l.alpha);
-            f = beneath * lobe.x * split.transmitted;
-            pdf = l.p_interface * (1.0 - reflect_probability(l, split, lobes)) * lobe.y;
-            return;
-        }
-        vec3 h = normalize(l.wo + l.eta * i);
-        if (h.z < 0.0) h = -h;
-        float cos_o = dot(l.wo, h), cos_i = dot(i, h);
-        if (cos_o <= 0.0 || cos_i >= 0.0) return;
-        Split split = split_interface(s.material, cos_o, front);
+    } else if (!l.solid) {
+        vec2 lobe = mirror_lobe(l.wo, mirrored, h, l.alpha);
+        f = beneath * lobe.x * split.transmitted;
+        pdf = l.p_interface * (1.0 - reflect_probability(l, split, lobes)) * lobe.y;
+    } else {
+        float cos_i = dot(i, h);
         float t = l.eta * cos_i + cos_o;
         // Walter et al. 2007, eqs. 17 and 21.
         float jacobian = -cos_i * l.eta * l.eta / (t * t);

@@ -179,12 +179,19 @@ float facet_pdf(Facet f, float distance2, float cosine) {
     return distance2 / (0.5 * length(f.across) * cosine);
 }
 
-bool sample_facet(vec3 from, vec2 u, LightChoice choice, out LightSample s) {
-    Facet f = facet(choice.instance, choice.primitive, from);
-    EmitterPoint p = point_of(choice, f.solid_angle > 0.0 ? weights_by_solid_angle(f, u) : weights_by_area(u));
+// A triangle that the tree has chosen, or the table.
+bool sample_emitter(vec3 from, vec2 u, LightChoice choice, bool by_tree, float inverse_power, out LightSample s) {
+    Facet f;
+    vec3 weights = weights_by_area(u);
+    if (by_tree) {
+        f = facet(choice.instance, choice.primitive, from);
+        if (f.solid_angle > 0.0) weights = weights_by_solid_angle(f, u);
+    }
+    EmitterPoint p = point_of(choice, weights);
     EmitterWay way;
     if (!way_to(p, from, way)) return false;
-    float pdf = choice.probability * facet_pdf(f, way.distance2, way.cosine);
+    float pdf = by_tree ? choice.probability * facet_pdf(f, way.distance2, way.cosine)
+                        : emitter_density(p.index, inverse_power) * way.distance2 / way.cosine;
     s = sample_along(way, pdf);
     return !isinf(pdf);
 }
@@ -230,17 +237,20 @@ bool sample_light(LightSource lights, Receiver x, bool through, vec3 from, vec3 
     if (chosen.sky) return sample_sky(lights.table, u.yz, chosen.choice, s);
     if (chosen.delta) return sample_delta(from, chosen.light, chosen.choice.probability, s);
     if (!EMISSIVE_TRIANGLES) return false;
-    if (chosen.by_tree) return sample_facet(from, u.yz, chosen.choice, s);
-    return sample_emitter(from, u.yz, chosen.choice, lights.table.inverse_power, s);
+    return sample_emitter(from, u.yz, chosen.choice, chosen.by_tree, lights.table.inverse_power, s);
 }
 
 // The same, and where shadow rays start.
 bool sample_light(LightSource lights, Receiver x, bool through, vec3 u, out LightSample s, out vec3 from) {
     from = target(x);
-    if (!sample_light(lights, x, through, from, u, s)) return false;
-    if (!lifted(x.lift, x.geometric_normal, s.direction)) return true;
-    from = target(facing(x, s.direction));
-    return sample_light(lights, x, through, from, u, s);
+    bool lit, again, moved = false;
+    do {
+        lit = sample_light(lights, x, through, from, u, s);
+        again = !moved && lit && lifted(x.lift, x.geometric_normal, s.direction);
+        if (again) from = target(facing(x, s.direction));
+        moved = true;
+    } while (again);
+    return lit;
 }
 
 // Density by solid angle of choosing the direction of a ray of unit length from `from` at a receiver that found this

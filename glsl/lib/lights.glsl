@@ -216,14 +216,6 @@ LightSample sample_along(EmitterWay way, float pdf) {
     return LightSample(way.to / distance, distance, way.radiance / pdf, pdf, false, false);
 }
 
-bool sample_emitter(vec3 from, vec2 u, LightChoice choice, float inverse_power, out LightSample s) {
-    EmitterPoint p = point_of(choice, u);
-    EmitterWay way;
-    if (!way_to(p, from, way)) return false;
-    s = sample_along(way, emitter_density(p.index, inverse_power) * way.distance2 / way.cosine);
-    return true;
-}
-
 bool sample_sky(LightTable lights, vec2 u, LightChoice choice, out LightSample s) {
     uvec2 cell;
     s.direction = sample_environment(lights, u, cell);

@@ -19,29 +19,30 @@ struct Surface {
     Material material;     // its textures and the vertex colour multiplied in
 };
 
-float srgb_to_linear(float v) {
-    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+// Compilers copy what is below to wherever a texture is asked for: short code, and few places that ask, make kernels that
+// drivers compile in seconds.
+
+vec3 srgb_to_linear(vec3 v) {
+    return mix(pow((v + 0.055) / 1.055, vec3(2.4)), v / 12.92, lessThanEqual(v, vec3(0.04045)));
 }
 
-uint wrap_texel(int i, uint size, uint mode) {
+// Columns or rows, as the texture has them.
+uvec2 wrap_texels(ivec2 i, uint size, uint mode) {
     int n = int(size);
-    if (mode == TEXTURE_WRAP_CLAMP) return uint(clamp(i, 0, n - 1));
+    if (mode == TEXTURE_WRAP_CLAMP) return uvec2(clamp(i, 0, n - 1));
     int period = mode == TEXTURE_WRAP_MIRROR ? 2 * n : n;
-    int m = i % period;
-    if (m < 0) m += period;
-    return uint(m < n ? m : 2 * n - 1 - m);
+    ivec2 m = i % period;
+    m = mix(m, m + period, lessThan(m, ivec2(0)));
+    return uvec2(mix(2 * n - 1 - m, m, lessThan(m, ivec2(n))));
 }
 
-vec4 texel(Texture tex, int x, int y) {
-    uint column = wrap_texel(x, tex.size.x, (tex.flags >> TEXTURE_WRAP_U_SHIFT) & 3u);
-    uint row = wrap_texel(y, tex.size.y, (tex.flags >> TEXTURE_WRAP_V_SHIFT) & 3u);
-    uint i = row * tex.size.x + column;
+vec4 texel(Texture tex, uint i) {
     vec4 v = unpackUnorm4x8(TexelArray(tex.texels)[i].at);
     if (DEEP_TEXTURES && (tex.flags & TEXTURE_DEEP) != 0u) {
         v = (256.0 * v + unpackUnorm4x8(TexelArray(tex.texels)[tex.size.x * tex.size.y + i].at)) / 257.0;
     }
-    if ((tex.flags & TEXTURE_SRGB) == 0u) return v;
-    return vec4(srgb_to_linear(v.r), srgb_to_linear(v.g), srgb_to_linear(v.b), v.a);
+    if ((tex.flags & TEXTURE_SRGB) != 0u) v.rgb = srgb_to_linear(v.rgb);
+    return v;
 }
 
 // Both sets at a point.
@@ -57,15 +58,15 @@ vec4 sample_texture(uint index, TextureCoordinates at) {
     uv = vec2(dot(tex.transform_u, vec3(uv, 1.0)), dot(tex.transform_v, vec3(uv, 1.0)));
     // Wrapping in integers needs coordinates they can hold.
     vec2 position = clamp(uv, -1e4, 1e4) * vec2(tex.size);
-    if ((tex.flags & TEXTURE_NEAREST) != 0u) {
-        return texel(tex, int(floor(position.x)), int(floor(position.y)));
-    }
-    position -= 0.5;
+    bool nearest = (tex.flags & TEXTURE_NEAREST) != 0u;
+    if (!nearest) position -= 0.5;
     vec2 corner = floor(position);
-    vec2 f = position - corner;
+    vec2 f = nearest ? vec2(0.0) : position - corner;
     ivec2 i = ivec2(corner);
-    return mix(mix(texel(tex, i.x, i.y), texel(tex, i.x + 1, i.y), f.x),
-               mix(texel(tex, i.x, i.y + 1), texel(tex, i.x + 1, i.y + 1), f.x), f.y);
+    uvec2 x = wrap_texels(ivec2(i.x, i.x + 1), tex.size.x, (tex.flags >> TEXTURE_WRAP_U_SHIFT) & 3u);
+    uvec2 y = wrap_texels(ivec2(i.y, i.y + 1), tex.size.y, (tex.flags >> TEXTURE_WRAP_V_SHIFT) & 3u) * tex.size.x;
+    return mix(mix(texel(tex, y.x + x.x), texel(tex, y.x + x.y), f.x),
+               mix(texel(tex, y.y + x.x), texel(tex, y.y + x.y), f.x), f.y);
 }
 
 vec2 interpolate_uv(uint64_t array, uvec3 v, vec3 w) {
@@ -78,12 +79,18 @@ TextureCoordinates texture_coordinates(uvec3 v, vec3 w) {
                               UV1 && scene.uv1 != 0UL ? interpolate_uv(scene.uv1, v, w) : vec2(0.0));
 }
 
-vec4 base_color(Material material, uvec3 v, vec3 w, TextureCoordinates at) {
+// Without its texture.
+vec4 plain_color(Material material, uvec3 v, vec3 w) {
     vec4 color = vec4(material.base_color, material.alpha);
     if (VERTEX_COLORS && scene.colors != 0UL) {
         Vec4Array colors = Vec4Array(scene.colors);
         color *= w.x * colors[v.x].at + w.y * colors[v.y].at + w.z * colors[v.z].at;
     }
+    return color;
+}
+
+vec4 base_color(Material material, uvec3 v, vec3 w, TextureCoordinates at) {
+    vec4 color = plain_color(material, v, w);
     if (TEXTURES && material.base_color_texture != NO_TEXTURE) {
         color *= sample_texture(material.base_color_texture, at);
     }
@@ -98,40 +105,85 @@ vec3 emission_at(Material material, TextureCoordinates at) {
     return emission;
 }
 
-// Multiplies textures into the factors they stand behind; maps of normals apart.
-void apply_textures(inout Material material, TextureCoordinates at) {
-    material.emission = emission_at(material, at);
-    if (METALLIC_ROUGHNESS_TEXTURES && material.metallic_roughness_texture != NO_TEXTURE) {
-        vec4 v = sample_texture(material.metallic_roughness_texture, at);
-        material.roughness *= v.g;
-        material.metallic *= v.b;
+// Bits, one a member of Material that names a texture, in their order.
+const uint BASE_COLOR_TEXTURE = 1u;
+const uint METALLIC_ROUGHNESS_TEXTURE = 2u;
+const uint NORMAL_TEXTURE = 4u;
+const uint EMISSION_TEXTURE = 8u;
+const uint TRANSMISSION_TEXTURE = 16u;
+const uint SPECULAR_TEXTURE = 32u;
+const uint SPECULAR_COLOR_TEXTURE = 64u;
+const uint CLEARCOAT_TEXTURE = 128u;
+const uint CLEARCOAT_ROUGHNESS_TEXTURE = 256u;
+const uint CLEARCOAT_NORMAL_TEXTURE = 512u;
+
+// What maps of normals say, in the tangent space of the vertices' normal, before their scale.
+struct Bumps {
+    vec3 base;
+    vec3 clearcoat;
+};
+
+// Multiplies textures into the factors they stand behind.
+Bumps apply_textures(inout Material material, TextureCoordinates at) {
+    uint left = TEXTURES ? BASE_COLOR_TEXTURE : 0u;
+    if (METALLIC_ROUGHNESS_TEXTURES) left |= METALLIC_ROUGHNESS_TEXTURE;
+    if (NORMAL_MAPS) left |= NORMAL_TEXTURE;
+    if (EMISSION_TEXTURES) left |= EMISSION_TEXTURE;
+    if (TRANSMISSION_TEXTURES) left |= TRANSMISSION_TEXTURE;
+    if (SPECULAR_TEXTURES) left |= SPECULAR_TEXTURE | SPECULAR_COLOR_TEXTURE;
+    if (CLEARCOAT_TEXTURES) left |= CLEARCOAT_TEXTURE | CLEARCOAT_ROUGHNESS_TEXTURE;
+    if (NORMAL_MAPS && CLEARCOAT) left |= CLEARCOAT_NORMAL_TEXTURE;
+    Bumps bumps = Bumps(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0));
+    while (left != 0u) {
+        uint which = left & -left;
+        left ^= which;
+        uint index = which == BASE_COLOR_TEXTURE ? material.base_color_texture
+            : which == METALLIC_ROUGHNESS_TEXTURE ? material.metallic_roughness_texture
+            : which == NORMAL_TEXTURE ? material.normal_texture
+            : which == EMISSION_TEXTURE ? material.emission_texture
+            : which == TRANSMISSION_TEXTURE ? material.transmission_texture
+            : which == SPECULAR_TEXTURE ? material.specular_texture
+            : which == SPECULAR_COLOR_TEXTURE ? material.specular_color_texture
+            : which == CLEARCOAT_TEXTURE ? material.clearcoat_texture
+            : which == CLEARCOAT_ROUGHNESS_TEXTURE ? material.clearcoat_roughness_texture
+                                                   : material.clearcoat_normal_texture;
+        if (index == NO_TEXTURE) continue;
+        vec4 v = sample_texture(index, at);
+        if (which == BASE_COLOR_TEXTURE) {
+            material.base_color *= v.rgb;
+            material.alpha *= v.a;
+        } else if (which == METALLIC_ROUGHNESS_TEXTURE) {
+            material.roughness *= v.g;
+            material.metallic *= v.b;
+        } else if (which == NORMAL_TEXTURE) {
+            bumps.base = 2.0 * v.xyz - 1.0;
+        } else if (which == EMISSION_TEXTURE) {
+            material.emission *= v.rgb;
+        } else if (which == TRANSMISSION_TEXTURE) {
+            material.transmission *= v.r;
+        } else if (which == SPECULAR_TEXTURE) {
+            material.specular *= v.a;
+        } else if (which == SPECULAR_COLOR_TEXTURE) {
+            material.specular_color *= v.rgb;
+        } else if (which == CLEARCOAT_TEXTURE) {
+            material.clearcoat *= v.r;
+        } else if (which == CLEARCOAT_ROUGHNESS_TEXTURE) {
+            material.clearcoat_roughness *= v.g;
+        } else {
+            bumps.clearcoat = 2.0 * v.xyz - 1.0;
+        }
     }
-    if (TRANSMISSION_TEXTURES && material.transmission_texture != NO_TEXTURE) {
-        material.transmission *= sample_texture(material.transmission_texture, at).r;
-    }
-    if (SPECULAR_TEXTURES && material.specular_texture != NO_TEXTURE) {
-        material.specular *= sample_texture(material.specular_texture, at).a;
-    }
-    if (SPECULAR_TEXTURES && material.specular_color_texture != NO_TEXTURE) {
-        material.specular_color *= sample_texture(material.specular_color_texture, at).rgb;
-    }
-    if (CLEARCOAT_TEXTURES && material.clearcoat_texture != NO_TEXTURE) {
-        material.clearcoat *= sample_texture(material.clearcoat_texture, at).r;
-    }
-    if (CLEARCOAT_TEXTURES && material.clearcoat_roughness_texture != NO_TEXTURE) {
-        material.clearcoat_roughness *= sample_texture(material.clearcoat_roughness_texture, at).g;
-    }
+    return bumps;
 }
 
 // A shading normal bent by a map, on the side of the geometric normal. `tangent` has the sign of the bitangent in w;
 // without one nothing changes.
-vec3 mapped_normal(uint map, float scale, TextureCoordinates at, vec3 normal, vec4 tangent, vec3 geometric_normal) {
+vec3 mapped_normal(uint map, vec3 v, float scale, vec3 normal, vec4 tangent, vec3 geometric_normal) {
     vec3 t = tangent.xyz - dot(tangent.xyz, normal) * normal;
     float length2 = dot(t, t);
     if (map == NO_TEXTURE || length2 == 0.0) return normal;
     t *= inversesqrt(length2);
     vec3 b = (tangent.w < 0.0 ? -1.0 : 1.0) * cross(normal, t);
-    vec3 v = 2.0 * sample_texture(map, at).xyz - 1.0;
     vec3 n = scale * (v.x * t + v.y * b) + v.z * normal;
     float lift = 1e-3 * length(n) - dot(n, geometric_normal);
     if (lift > 0.0) n += lift * geometric_normal;
@@ -233,10 +285,10 @@ Surface surface_at(Hit hit) {
     }
     surface.material = MaterialArray(scene.materials)[triangle.material & ~TRIANGLE_MIRRORED].at;
     TextureCoordinates at = texture_coordinates(v, w);
-    vec4 color = base_color(surface.material, v, w, at);
+    vec4 color = plain_color(surface.material, v, w);
     surface.material.base_color = color.rgb;
     surface.material.alpha = color.a;
-    apply_textures(surface.material, at);
+    Bumps bumps = apply_textures(surface.material, at);
     surface.side_normal = surface.geometric_normal;
     surface.lifts = vec2(0.0);
     if (CURVED && scene.normals != 0UL) curve(surface, instance, merged, v, w);
@@ -251,10 +303,10 @@ Surface surface_at(Hit hit) {
         Material material = surface.material;
         vec3 normal = surface.normal, geometric_normal = surface.geometric_normal;
         surface.normal =
-            mapped_normal(material.normal_texture, material.normal_scale, at, normal, t, geometric_normal);
+            mapped_normal(material.normal_texture, bumps.base, material.normal_scale, normal, t, geometric_normal);
         if (CLEARCOAT) {
-            surface.clearcoat_normal = mapped_normal(material.clearcoat_normal_texture, material.clearcoat_normal_scale,
-                                                     at, normal, t, geometric_normal);
+            surface.clearcoat_normal = mapped_normal(material.clearcoat_normal_texture, bumps.clearcoat,
+                                                     material.clearcoat_normal_scale, normal, t, geometric_normal);
         }
     }
     return surface;

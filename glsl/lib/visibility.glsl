@@ -12,12 +12,11 @@
 // on a large GPU, to follow hits by the same code as asks first 12 %.
 vec3 arriving(vec3 light, vec3 from, vec3 along, float reach, inout uint rays) {
     ++rays;
-    if (!SHEER) return trace_any(from, along, 0.0, reach) ? vec3(0.0) : light;
     Probe ray = probe(from, along);
     float t = reach;
     uint met;
     if (!meet(ray, 0.0, t, false, met)) return light;
-    if (!is_sheer(ray, met)) return vec3(0.0);
+    if (!SHEER || !is_sheer(ray, met)) return vec3(0.0);
     float t_min = 0.0;
     bool going = true;
     // Mesa 22.3's lavapipe loses returns from loops on some lanes.

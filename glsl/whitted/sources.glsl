@@ -70,9 +70,7 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
             if (c.light == vec3(0.0)) continue;
             if (sampled && lobes && !light.delta) c.light *= power_heuristic(light.pdf, pdf);
         }
-        // One copy of the exact one where that is all there is.
-        if (VISIBILITY != VISIBILITY_EXACT && is_vpl) sum += arriving_vpl(c, rays);
-        else sum += arriving(c.light, c.from, c.to, rays);
+        sum += arriving(c, is_vpl, rays);
     }
     return sum;
 }
