@@ -1020,6 +1020,122 @@ fn nothing_is_legal() {
     }
 }
 
+// ---- all parts together ----
+
+/// Light of a closed sphere around sources of flux Φ, relative to closed forms: radiance where they are points in its middle,
+/// ρ/π · Φ/(A (1 − ρ)), and indirect irradiance wherever they are, Φ ρ/(A (1 − ρ)).
+fn of_closed_sphere(
+    device: &Device,
+    lights: Vec<Light>,
+    lamps: Vec<Mesh>,
+    flux: f64,
+    settings: &[&str],
+) -> [f64; 2] {
+    let rho = 0.6;
+    let lamp = Material { emission: Vec3::ONE, ..gray(0.0) };
+    let meshes = std::iter::once(sphere(4)).chain(lamps).collect();
+    let scene = scene(meshes, vec![gray(rho), lamp, gray(0.0)], lights);
+    let area = area_samples(&scene, 1).area;
+    let mut renderer = software(device, scene);
+    let mut config = RenderConfig { size: [12, 9], ..RenderConfig::default() };
+    config.vpl_shoot.vpls = 2880;
+    settings.iter().for_each(|setting| config.apply_override(setting).unwrap());
+    let camera = Camera::look_at("inside", Vec3::new(0.0, 0.0, 0.5), Vec3::Z, 1.0);
+    let seeds = 3;
+    let mut sums = [0.0; 2];
+    for seed in 1..=seeds {
+        config.seed = seed;
+        let frame = picture(&mut renderer, &config, &camera, &[Aov::Irradiance]);
+        sums[0] += mean(&frame.beauty.data);
+        sums[1] += mean(&frame.aovs[0].1.data);
+    }
+    let rho = f64::from(rho);
+    let indirect = flux * rho / (area * (1.0 - rho));
+    [sums[0] * std::f64::consts::PI, sums[1]].map(|sum| sum / f64::from(seeds) / indirect)
+}
+
+/// By plain settings no light is lost and none is made: all parts together, each left out, and each with others left out. That
+/// light of many bounces, or near VPLs, is left out shows.
+#[test]
+fn plain_settings_hold_the_flux_of_a_closed_sphere() {
+    let Some((_guard, device)) = common::device() else { return };
+    let flux = 4.0 * std::f64::consts::PI;
+    let light = || vec![point_light(Vec3::ZERO, Vec3::ONE)];
+    let share = |settings: &[&str]| {
+        let [share, _] = of_closed_sphere(&device, light(), vec![], flux, settings);
+        println!("{settings:?}: {:+.3} %", 100.0 * (share - 1.0));
+        share
+    };
+    let more = "vpl_shoot.vpls=23040"; // paths that nothing chooses are noisier, and cost less
+    let no_rays = ["indirect.compensation=0", "indirect.min_distance=0"];
+    let cases: &[&[&str]] = &[
+        &[],
+        &[more, "vpl_shoot.candidates=1"],
+        &["indirect.interleave=1"],
+        &no_rays,
+        &["indirect.min_distance=100"],
+        &[more, no_rays[0], no_rays[1], "vpl_shoot.candidates=1", "indirect.interleave=1"],
+    ];
+    for settings in cases {
+        let share = share(settings);
+        assert!((share - 1.0).abs() < 0.005, "{settings:?}: {share} of the light");
+    }
+    for fault in [&["vpl_shoot.bounces=6"][..], &["indirect.compensation=0", "indirect.min_distance=1"]] {
+        let share = share(fault);
+        assert!(share < 0.985, "{fault:?}: {share} of the light");
+    }
+}
+
+/// However many lights share a flux: one, two, ten thousand in one place, as many around it, all black but one; points and
+/// lamps.
+#[test]
+fn any_number_of_lights_holds_its_flux() {
+    let Some((_guard, device)) = common::device() else { return };
+    let point = |position: Vec3, intensity: f32| point_light(position, Vec3::splat(intensity));
+    let of_points = |count: usize, radius: f32| -> Vec<Light> {
+        let place = |i: usize| {
+            let i = i as u32;
+            let centred = Vec3::new(halton(0, i, 0), halton(1, i, 0), halton(2, i, 0)) - 0.5;
+            2.0 * radius * centred
+        };
+        (0..count).map(|i| point(place(i), 1.0 / count as f32)).collect()
+    };
+    let one_of = |count: usize| {
+        (0..count).map(|i| point(Vec3::ZERO, if i == count / 3 { 1.0 } else { 0.0 })).collect::<Vec<_>>()
+    };
+    let flux = 4.0 * std::f64::consts::PI;
+    for (what, lights) in [
+        ("one", of_points(1, 0.0)),
+        ("two", of_points(2, 0.0)),
+        ("10 000 in one place", of_points(10_000, 0.0)),
+        ("10 000 around it", of_points(10_000, 0.02)),
+        ("one of 10 000", one_of(10_000)),
+    ] {
+        let [share, indirect] = of_closed_sphere(&device, lights, vec![], flux, &[]);
+        assert_close(what, share, 1.0, 0.005);
+        assert_close("indirect light", indirect, 1.0, 0.01);
+    }
+    // Squares that shine on both sides, W/(sr·m²).
+    let (side, z) = (0.005f32, -0.6);
+    let square = |at: Vec3, material: u32| {
+        quad(at - 0.5 * side * (Vec3::X + Vec3::Y), side * Vec3::X, side * Vec3::Y, material)
+    };
+    let flux = |shining: usize| shining as f64 * 2.0 * std::f64::consts::PI * f64::from(side * side);
+    for (what, across, shines) in
+        [("one lamp", 1, 0..1), ("64 lamps", 8, 0..64), ("one of 64 lamps", 8, 27..28)]
+    {
+        let at = |i: usize| {
+            let place = |n: usize| 0.05 * (n as f32 - 0.5 * (across as f32 - 1.0));
+            Vec3::new(place(i % across), place(i / across), z)
+        };
+        let shining = shines.len();
+        let lamps =
+            (0..across * across).map(|i| square(at(i), if shines.contains(&i) { 1 } else { 2 })).collect();
+        let [_, indirect] = of_closed_sphere(&device, vec![], lamps, flux(shining), &[]);
+        assert_close(what, indirect, 1.0, 0.01);
+    }
+}
+
 // ---- an independent renderer ----
 
 /// Linear RGB of an EXR file.
