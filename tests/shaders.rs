@@ -166,6 +166,18 @@ fn kernels_are_valid_spirv() {
     assert!(checked >= 2 * 10, "only {checked} modules");
 }
 
+/// Drivers take a second for every 100 kB, every call being a copy of what is called: what is asked for in many places wants
+/// one place that asks.
+#[test]
+fn kernels_are_short() {
+    for code in shaders::ALL {
+        for backend in [Backend::Software, Backend::RayQuery] {
+            let size = code.module(backend).map_or(0, |words| 4 * words.len());
+            assert!(size < 700_000, "{} ({}) has {size} bytes", code.name, backend.name());
+        }
+    }
+}
+
 /// Sums beyond 32 bits, and beyond what a cell's low word holds.
 #[test]
 fn ray_counters_carry() {
