@@ -579,7 +579,8 @@ fn a_forgotten_run_owns_what_it_uses() {
     let (g, ticket) = frame(&kept, 0);
     let expected = executor.run(g, &RunOptions::default()).unwrap().take(ticket);
     let (g, _) = frame(&kept, 0);
-    let flight = executor.submit(g, &RunOptions::default()).unwrap();
+    let whole = RunOptions { submit_ms: f64::INFINITY, ..RunOptions::default() };
+    let flight = executor.submit(g, &whole).unwrap();
     assert!(flight.is_submitted());
     std::mem::forget(flight);
     drop((kept, executor));
