@@ -1054,8 +1054,8 @@ fn of_closed_sphere(
     [sums[0] * std::f64::consts::PI, sums[1]].map(|sum| sum / f64::from(seeds) / indirect)
 }
 
-/// By plain settings no light is lost and none is made: all parts together, each left out, and each with others left out. That
-/// light of many bounces, or near VPLs, is left out shows.
+/// By plain settings no light is lost and none is made: all parts together, each left out, and all left out. Where light of
+/// many bounces, or near VPLs, is missing it shows.
 #[test]
 fn plain_settings_hold_the_flux_of_a_closed_sphere() {
     let Some((_guard, device)) = common::device() else { return };

@@ -63,14 +63,14 @@ Connection connect_vpl(uint k, Receiver x, float min_distance, out vec3 directio
 }
 
 // Of a VPL's light or, unless `is_vpl`, of another's, which boxes never block.
-vec3 arriving(Connection c, bool is_vpl, inout uint rays) {
-    if (VISIBILITY == VISIBILITY_EXACT || !is_vpl) return arriving(c.light, c.from, c.to, rays);
+vec3 arriving(vec3 light, vec3 from, vec3 along, float reach, bool is_vpl, inout uint rays) {
+    if (VISIBILITY == VISIBILITY_EXACT || !is_vpl) return arriving(light, from, along, reach, rays);
     ++rays;
-    return trace_any_box(c.from, c.to - c.from, 0.0, 1.0) ? vec3(0.0) : c.light;
+    return trace_any_box(from, along, 0.0, reach) ? vec3(0.0) : light;
 }
 
 vec3 arriving_vpl(Connection c, inout uint rays) {
-    return c.light == vec3(0.0) ? vec3(0.0) : arriving(c, true, rays);
+    return c.light == vec3(0.0) ? vec3(0.0) : arriving(c.light, c.from, c.to - c.from, 1.0, true, rays);
 }
 
 // Every `step`th VPL of a range.

@@ -181,11 +181,13 @@ void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out
     bool glossy = has_lobe(lobes, LOBE_GLOSSY), reflects = side_i > 0.0;
     bool transmits = !reflects && l.glass && glossy && has_lobe(lobes, LOBE_TRANSMIT) && !l.delta_transmit && i.z < 0.0;
     if (!reflects && !transmits) return;
+    bool refracts = transmits && l.solid;
     vec3 mirrored = vec3(i.xy, -i.z);
-    vec3 h = normalize(reflects ? wo + wi : l.solid ? l.wo + l.eta * i : l.wo + mirrored);
-    if (transmits && l.solid && h.z < 0.0) h = -h;
+    // In the frame of the layers but where light is reflected: coats have another.
+    vec3 h = normalize(reflects ? wo + wi : refracts ? l.wo + l.eta * i : l.wo + mirrored);
+    if (refracts && h.z < 0.0) h = -h;
     float cos_o = dot(reflects ? wo : l.wo, h);
-    if (transmits && l.solid && (cos_o <= 0.0 || dot(i, h) >= 0.0)) return;
+    if (refracts && (cos_o <= 0.0 || dot(i, h) >= 0.0)) return;
     Split split = split_interface(s.material, cos_o, front);
     if (reflects) {
         float cos_d = dot(s.normal, wi);
@@ -204,7 +206,7 @@ void evaluate(Surface s, bool front, vec3 wo, vec3 wi, uint lobes, Layers l, out
             f += vec3(l.coat * lobe.x);
             pdf += l.p_coat * lobe.y;
         }
-    } else if (!l.solid) {
+    } else if (!refracts) {
         vec2 lobe = mirror_lobe(l.wo, mirrored, h, l.alpha);
         f = beneath * lobe.x * split.transmitted;
         pdf = l.p_interface * (1.0 - reflect_probability(l, split, lobes)) * lobe.y;

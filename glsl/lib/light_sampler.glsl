@@ -243,6 +243,7 @@ bool sample_light(LightSource lights, Receiver x, bool through, vec3 from, vec3 
 // The same, and where shadow rays start.
 bool sample_light(LightSource lights, Receiver x, bool through, vec3 u, out LightSample s, out vec3 from) {
     from = target(x);
+    // A loop for at most two turns: drivers would inline a second call.
     bool lit, again, moved = false;
     do {
         lit = sample_light(lights, x, through, from, u, s);

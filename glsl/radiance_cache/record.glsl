@@ -178,10 +178,7 @@ Sent by_vpl(Receiver x, uint i, uint seed, float min_distance, uint bounces) {
 }
 
 vec3 arriving_sent(Sent s, bool vpl, inout uint rays) {
-    if (s.light == vec3(0.0)) return s.light;
-    if (VISIBILITY == VISIBILITY_EXACT || !vpl) return arriving(s.light, s.from, s.along, s.reach, rays);
-    ++rays;
-    return trace_any_box(s.from, s.along, 0.0, 1.0) ? vec3(0.0) : s.light;
+    return s.light == vec3(0.0) ? s.light : arriving(s.light, s.from, s.along, s.reach, vpl, rays);
 }
 
 // By cosine-distributed ray `i`: the share of its own light that a cell gets back from surfaces nearer than bounds VPLs, as if

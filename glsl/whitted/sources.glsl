@@ -70,7 +70,7 @@ vec3 light_from(Receiver x, Lit lit, uint first, uint last, float min_distance, 
             if (c.light == vec3(0.0)) continue;
             if (sampled && lobes && !light.delta) c.light *= power_heuristic(light.pdf, pdf);
         }
-        sum += arriving(c, is_vpl, rays);
+        sum += arriving(c.light, c.from, c.to - c.from, 1.0, is_vpl, rays);
     }
     return sum;
 }
