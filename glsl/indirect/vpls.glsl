@@ -9,6 +9,11 @@
 #include "lib/visibility.glsl"
 #include "trace/boxes.glsl"
 
+// Squared distance to a VPL (m²), or to the rim of the disc that it stands for, where that is wider than bounding reaches.
+float to_rim(Vpl vpl, float distance2, float min_distance) {
+    return distance2 + max(vpl.spread - min_distance * min_distance, 0.0);
+}
+
 // W/m² from a VPL if nothing is between; 0 behind the plane of either.
 vec3 unshadowed(Vpl vpl, Receiver x, float min_distance) {
     vec3 to_vpl = vpl.position - x.position;
@@ -16,7 +21,7 @@ vec3 unshadowed(Vpl vpl, Receiver x, float min_distance) {
     float cos_k = -dot(vpl.normal, to_vpl);
     if (cos_x <= 0.0 || cos_k <= 0.0 || dot(x.geometric_normal, to_vpl) <= 0.0) return vec3(0.0);
     float distance2 = dot(to_vpl, to_vpl);
-    float g = (cos_x / distance2) * (cos_k / distance2);
+    float g = (cos_x / distance2) * (cos_k / to_rim(vpl, distance2, min_distance));
     if (min_distance > 0.0) {
         float f = bounded(sqrt(distance2), min_distance);
         if (f == 0.0) return vec3(0.0); // before 0 · ∞ where they all but touch
@@ -38,7 +43,7 @@ vec3 perpendicular(Vpl vpl, vec3 position, float min_distance, out vec3 directio
         share = bounded(sqrt(distance2), min_distance);
         if (share == 0.0) return vec3(0.0);
     }
-    return vpl.flux * (share * cos_k / (distance2 * PI));
+    return vpl.flux * (share * cos_k / (to_rim(vpl, distance2, min_distance) * PI));
 }
 
 // Light that arrives if nothing is between the ends of a shadow ray: W/m², or W/(sr·m²) that a glossy surface sends on.

@@ -135,6 +135,7 @@ struct Vpl {
     vec3 normal; // geometric, on the side that was lit
     uint bounce;
     vec3 flux; // W
+    float spread; // of what it stands for, a squared radius (m²); 0: a point
 };
 
 struct Camera {

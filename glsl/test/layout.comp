@@ -44,7 +44,7 @@ void main() {
     put(l.position); put(l.kind); put(l.direction); put(l.cos_inner); put(l.intensity); put(l.cos_outer);
     put(l.flux); put(l.power_cdf);
     Vpl v = vpls.data[1];
-    put(v.position); put(v.path); put(v.normal); put(v.bounce); put(v.flux);
+    put(v.position); put(v.path); put(v.normal); put(v.bounce); put(v.flux); put(v.spread);
     LightChoice c = choices.data[1];
     put(c.probability); put(c.threshold); put(c.alias); put(c.instance); put(c.primitive);
     LightNode n = nodes.data[1];

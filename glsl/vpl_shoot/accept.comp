@@ -78,6 +78,7 @@ void main() {
             if (at / WHOLE == place) continue;
             Vpl vpl = candidates.data[k];
             vpl.flux *= float(WHOLE) / float(share);
+            vpl.spread *= float(WHOLE) / float(share);
             vpls.data[kept + place] = vpl;
         }
         if (thread == 0u) count.starts[s] = kept;

@@ -75,6 +75,8 @@ float start_density(uint source, vec2 v, vec3 at, vec3 direction) {
     return PLAIN_SHARE * plain + (1.0 - PLAIN_SHARE) * sum / float(guides.count);
 }
 
+float spread_of(GuidedStart start, float paths_here) { return 1.0 / (PI * paths_here * start.density); }
+
 // A path along unit `direction`, by the numbers `place`; `v` those that chose the direction.
 GuidedStart guided_start(Choice c, uint source, vec2 v, vec2 place, vec3 direction) {
     bool plain = c.guide.source == NO_SOURCE;

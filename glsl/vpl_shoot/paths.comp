@@ -18,7 +18,7 @@ void leave(Vpl vpl) { slots.data[vpl.path * params.bounces + vpl.bounce] = vpl; 
 void main() {
     uint path = gl_GlobalInvocationID.x;
     if (path >= params.paths) return;
-    Vpl gap = Vpl(vec3(0.0), path, vec3(0.0), 0u, vec3(0.0));
+    Vpl gap = Vpl(vec3(0.0), path, vec3(0.0), 0u, vec3(0.0), 0.0);
     uint rays = 0u;
     for (uint bounce = shoot(path, rays); bounce < params.bounces; ++bounce) {
         slots.data[path * params.bounces + bounce] = gap;

@@ -26,7 +26,10 @@ void leave(Vpl vpl) {
     if (params.lists == 0u) return;
     uint kept = kept_before(place, thinning);
     bool keep = kept_before(place + 1u, thinning) != kept;
-    if (thinning.share != 0u) vpl.flux *= WHOLE / float(thinning.share);
+    if (thinning.share != 0u) {
+        vpl.flux *= WHOLE / float(thinning.share);
+        vpl.spread *= WHOLE / float(thinning.share);
+    }
     if (keep) vpls.data[start + kept] = vpl;
     ++place;
 }

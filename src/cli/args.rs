@@ -100,6 +100,12 @@ pub(super) struct Common {
     /// Vertical field of view of the camera of --eye (degrees) [default: 45].
     #[arg(long, value_name = "DEG", help_heading = SCENE, hide_short_help = true, allow_hyphen_values = true, value_parser = field_of_view, requires = "eye")]
     pub(super) fov: Option<f32>,
+    /// Light from all around: an equirectangular picture, or R,G,B.
+    ///
+    /// FILE.exr or FILE.hdr, or the same radiance from everywhere as three numbers (W/(sr m2)). It takes the place of the
+    /// scene's own.
+    #[arg(long, value_name = "FILE", help_heading = SCENE, allow_hyphen_values = true)]
+    pub(super) environment: Option<String>,
     /// Leave a scene without lights dark; otherwise a light is put at the camera.
     #[arg(long, help_heading = SCENE, hide_short_help = true)]
     pub(super) no_headlight: bool,
@@ -159,12 +165,6 @@ pub(super) struct Settings {
 pub(super) struct Render {
     #[command(flatten)]
     pub(super) common: Common,
-    /// Light from all around: an equirectangular picture, or R,G,B.
-    ///
-    /// FILE.exr or FILE.hdr, or the same radiance from everywhere as three numbers (W/(sr m2)). It takes the place of the
-    /// scene's own.
-    #[arg(long, value_name = "FILE", help_heading = SCENE, allow_hyphen_values = true)]
-    pub(super) environment: Option<String>,
     /// How light is computed [default: igi].
     #[arg(long, help_heading = LIGHT, value_parser = methods())]
     pub(super) method: Option<String>,

@@ -37,7 +37,7 @@ pub(super) fn run(args: &Chart) -> Result<(), Failure> {
     interrupt::listen()?;
     let reporter = Reporter::new(&args.machine);
     let name = scene::name(&args.common);
-    let (scene, camera) = scene::load(&args.common, None, &reporter)?;
+    let (scene, camera) = scene::load(&args.common, &reporter)?;
 
     let options = RendererOptions { backend: args.machine.backend.into(), ..RendererOptions::default() };
     let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;

@@ -26,7 +26,7 @@ pub(super) fn run(args: &Paper) -> Result<(), Failure> {
     interrupt::listen()?;
     let reporter = Reporter::new(&args.machine);
     let name = scene::name(&args.common);
-    let (scene, camera) = scene::load(&args.common, None, &reporter)?;
+    let (scene, camera) = scene::load(&args.common, &reporter)?;
 
     let options = paper::renderer_options(args.machine.backend.into());
     let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;

@@ -13,7 +13,7 @@ use crate::denoise::Denoiser;
 use crate::output::{self, extension};
 use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume};
-use crate::scene::{Environment, LoadOptions, MAX_RADIANCE, SceneProfile};
+use crate::scene::{Environment, SceneProfile};
 use crate::text;
 use crate::vk::DeviceKind;
 use glam::Vec3;
@@ -34,12 +34,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let reporter = Reporter::new(&args.machine);
 
     let name = scene::name(&args.common);
-    let environment = match &args.environment {
-        Some(word) => Some(environment(word, &args.common.file.options(), &reporter)?),
-        None => None,
-    };
     let roughness = config.whitted.mirror_roughness;
-    let (scene, camera) = scene::load(&args.common, environment, &reporter)?;
+    let (scene, camera) = scene::load(&args.common, &reporter)?;
     let profile = SceneProfile::of(&scene, roughness);
 
     let options =
@@ -238,26 +234,6 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
     }
     let path = std::env::var_os("PARHELION_OIDN").map(PathBuf::from);
     Ok(Some(Denoiser::load(path.as_deref())?))
-}
-
-/// A file, or three numbers.
-fn environment(word: &str, options: &LoadOptions, reporter: &Reporter) -> Result<Environment, Failure> {
-    let numbers: Option<Vec<f32>> = word.split(',').map(|part| part.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[r, g, b]) if [r, g, b].iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) => {
-            Ok(Environment::constant(Vec3::new(r, g, b)))
-        }
-        Some(_) => Err(input!(
-            "--environment: `{word}` is not three numbers of at least 0 and at most {MAX_RADIANCE:e}"
-        )),
-        None => {
-            let (environment, notes) = Environment::load(Path::new(word), options).map_err(|error| {
-                Failure { class: error.class(), error: anyhow::anyhow!("--environment: {error}") }
-            })?;
-            notes.iter().for_each(|note| reporter.note(note));
-            Ok(environment)
-        }
-    }
 }
 
 /// Every picture to write, known to be writable before anything is computed.

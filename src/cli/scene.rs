@@ -4,8 +4,11 @@ use super::args::{Common, Machine, SceneFile};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
 use crate::renderer::{self, Renderer, RendererOptions};
-use crate::scene::{self, Camera, Environment, FRAMED, LoadOptions, Scene, SceneProfile, builtin};
+use crate::scene::{
+    self, Camera, Environment, FRAMED, LoadOptions, MAX_RADIANCE, Scene, SceneProfile, builtin,
+};
 use crate::vk::{self, DeviceOptions};
+use glam::Vec3;
 use std::ffi::OsString;
 use std::path::Path;
 
@@ -55,13 +58,12 @@ impl SceneFile {
     }
 }
 
-/// Loads the scene, lit, and finds the camera; says what the user should know of them. An `environment` takes the
-/// place of the scene's.
-pub(super) fn load(
-    args: &Common,
-    environment: Option<Environment>,
-    reporter: &Reporter,
-) -> Result<(Scene, Camera), Failure> {
+/// Loads the scene, lit, and finds the camera; says what the user should know of them.
+pub(super) fn load(args: &Common, reporter: &Reporter) -> Result<(Scene, Camera), Failure> {
+    let environment = match &args.environment {
+        Some(word) => Some(environment(word, &args.file.options(), reporter)?),
+        None => None,
+    };
     reporter.stage("load", &name(args));
     let mut scene = read(&args.file)?;
     let camera = camera(args, &scene)?;
@@ -75,6 +77,26 @@ pub(super) fn load(
     }
     scene.notes.iter().for_each(|note| reporter.note(note));
     Ok((scene, camera))
+}
+
+/// A file, or three numbers.
+fn environment(word: &str, options: &LoadOptions, reporter: &Reporter) -> Result<Environment, Failure> {
+    let numbers: Option<Vec<f32>> = word.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) => {
+            Ok(Environment::constant(Vec3::new(r, g, b)))
+        }
+        Some(_) => Err(input!(
+            "--environment: `{word}` is not three numbers of at least 0 and at most {MAX_RADIANCE:e}"
+        )),
+        None => {
+            let (environment, notes) = Environment::load(Path::new(word), options).map_err(|error| {
+                Failure { class: error.class(), error: anyhow::anyhow!("--environment: {error}") }
+            })?;
+            notes.iter().for_each(|note| reporter.note(note));
+            Ok(environment)
+        }
+    }
 }
 
 /// The camera asked for; the first otherwise, or one that frames a scene that has none.

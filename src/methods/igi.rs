@@ -317,15 +317,16 @@ fn left_out(profile: &SceneProfile, config: &RenderConfig) -> Vec<String> {
 }
 
 fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) -> Layers {
-    let min_distance = config.indirect.min_distance(frame.area, frame.free_path, &config.vpl_shoot);
+    let shoot = config.vpl_shoot.of(&k.profile);
+    let min_distance = config.indirect.min_distance(frame.area, frame.free_path, &shoot);
     // Where VPLs leave nothing out rays find nothing.
     let needed = min_distance > 0.0 || k.glossy_lobes() || k.specular();
     let rays = if needed { config.indirect.compensation } else { 0 };
     let vpl_share = (rays > 0).then(|| config.indirect.behind_mirrors());
     // Passes that do not need each other stand side by side, the longest chains first: a GPU overlaps them.
-    let paths = vpl_shoot::paths(g, k, &config.vpl_shoot, config.indirect.subsets());
+    let paths = vpl_shoot::paths(g, k, &shoot, config.indirect.subsets());
     let gbuffer = gbuffer::gbuffer(g, k, frame.origin, frame.extent);
-    let vpls = vpl_shoot::compact(g, k, &config.vpl_shoot, &paths, config.indirect.subsets(), min_distance);
+    let vpls = vpl_shoot::compact(g, k, &shoot, &paths, config.indirect.subsets(), min_distance);
     let reflections = whitted::tree(g, k, &config.whitted, &gbuffer, &vpls, min_distance, vpl_share);
     let samples = indirect::gather(g, k, &config.indirect, &gbuffer, &vpls, min_distance);
     let mut direct = whitted::direct(g, k, &config.whitted, &gbuffer, rays);
@@ -360,7 +361,7 @@ fn record(g: &mut Graph, k: &Kernels, config: &RenderConfig, frame: &FrameInfo) 
     layers.add_made(Aov::Indirect, move |g| compose::indirect(g, &gbuffer, irradiance));
     layers.add_or_black(Aov::Glossy, glossy);
     layers.add(Aov::Irradiance, irradiance);
-    layers.vpls = Some(VplCounts { count: vpls.count, paths: config.vpl_shoot.paths(), min_distance });
+    layers.vpls = Some(VplCounts { count: vpls.count, paths: shoot.paths(), min_distance });
     layers.regathered = indirect.regathered;
     layers
 }

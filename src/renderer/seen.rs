@@ -24,7 +24,7 @@ impl Renderer {
     pub fn paths_seen(&mut self, config: &RenderConfig, camera: &Camera) -> Result<Option<f64>, Error> {
         config.validate()?;
         let kernels = modelling(self.kernels(config.whitted.mirror_roughness), config, &[]);
-        let mut shot = config.vpl_shoot.clone();
+        let mut shot = config.vpl_shoot.of(&kernels.profile);
         let paths = shot.paths().min(PATHS);
         shot.candidates = 1;
         shot.vpls = paths * (shot.vpls / shot.paths());

@@ -22,6 +22,10 @@
 //! (Georgiev & Slusallek, "Simple and Robust Iterative Importance Sampling of Virtual Point Lights", 2010). In Sponza, where
 //! three of four VPLs light nothing that is seen, relMSE falls from 0.055 to 0.038 at half the VPLs.
 //!
+//! Spread: a guided path stands for all that might have started around it, the more the fewer start there. Its VPLs shine as
+//! discs of that area do along their axis, Φ/π · cosθ cosθ'/(d² + r²), where that is wider than bounding reaches: plain paths,
+//! which carry a hundred times as much, would be spots else.
+//!
 //! Bias: light of more than `bounces` diffuse hits is missing, where that is set. Few paths correlate in the high bases.
 //! Cost: one thread a path; of at most `bounces · (specular_depth + 1)` rays, or by roulette twice 1/(1 − ρ) of them.
 
@@ -29,6 +33,7 @@ use super::Kernels;
 use super::setting::{BadValue, Settings, within};
 use crate::graph::{Buffer, Graph, Grid, Res};
 use crate::sampling::MAX_BOUNCES;
+use crate::scene::SceneProfile;
 use crate::shaders::{
     BLOCK_SLOTS, Receiver, Vpl,
     vpl_shoot::{
@@ -42,7 +47,7 @@ use crate::shaders::{
 pub struct VplShootConfig {
     /// VPLs, 1 … 2²⁴, about: as many as a mean of three diffuse hits a path leaves, twice as many at most; with `bounces`
     /// at most these. More: less noise and weaker splotches, gather cost grows in proportion. The paper uses 30, 90 and
-    /// 180. They take 88 bytes each; a device that binds 128 MiB at a time has room for 1 525 201.
+    /// 180. They take 96 bytes each; a device that binds 128 MiB at a time has room for 1 398 101.
     pub vpls: u32,
     /// Diffuse hits a path leaves VPLs at, 1 … 32: 1 is one indirect bounce. Fewer lose energy (a closed room
     /// of albedo ρ keeps 1 − ρ^(bounces+1) of it), more thin the paths. Absent: any number, roulette ends paths. Ours: the
@@ -59,8 +64,8 @@ pub struct VplShootConfig {
     pub guided: bool,
     /// Candidates for each VPL, 1 … 64: so many times as many paths are shot, and of their VPLs those are likelier kept that
     /// light 256 points all over the picture; the mean stays. There are 65 536 candidates at most. 1: all are kept. More: less
-    /// noise where much light goes elsewhere, and a ray for each candidate and point. Ours, after Georgiev & Slusallek 2010;
-    /// presets set 1.
+    /// noise where much light goes elsewhere, and a ray for each candidate and point. Eight times as many where paths are
+    /// guided: most of those are lost on the way in. Ours, after Georgiev & Slusallek 2010; presets set 1.
     pub candidates: u32,
 }
 
@@ -87,7 +92,21 @@ const ENDLESS: u32 = 256;
 /// Most candidates there are, unless more VPLs are asked for.
 const MOST_CANDIDATES: u32 = 1 << 16;
 
+/// So many times as many candidates are shot where paths are guided: most of those are lost on the way in.
+const MORE_GUIDED: u32 = 8;
+
 impl VplShootConfig {
+    /// As it is for a scene of this profile.
+    #[must_use]
+    pub fn of(&self, profile: &SceneProfile) -> Self {
+        let more = if self.candidates > 1 && self.guides(profile) { MORE_GUIDED } else { 1 };
+        Self { candidates: more * self.candidates, ..self.clone() }
+    }
+
+    fn guides(&self, profile: &SceneProfile) -> bool {
+        self.guided && (profile.environment || profile.directional_lights > 0)
+    }
+
     /// Candidates that are shot for each VPL.
     fn candidates(&self) -> u32 {
         self.candidates.min(MOST_CANDIDATES / self.vpls).max(1)
@@ -139,8 +158,7 @@ const GUIDE_WORDS: u64 = 8;
 
 /// Finds where light from infinitely far away matters; `None` where there is none or it is not asked for.
 fn guides(g: &mut Graph, k: &Kernels, config: &VplShootConfig) -> Option<Res<Buffer>> {
-    let far = k.profile.environment || k.profile.directional_lights > 0;
-    (config.guided && far).then(|| {
+    config.guides(&k.profile).then(|| {
         let count = PILOT_SIDE * PILOT_SIDE;
         let found = g.buffer("found", 4 * GUIDE_WORDS * u64::from(count));
         let params = pilot::Params { side: PILOT_SIDE };
@@ -379,6 +397,20 @@ mod tests {
     use crate::graph::{Executor, RunOptions};
     use crate::sampling::hash;
     use crate::vk::Backend;
+
+    #[test]
+    fn more_candidates_are_shot_where_paths_are_guided() {
+        let sky = SceneProfile { environment: true, ..SceneProfile::default() };
+        let sun = SceneProfile { directional_lights: 1, ..SceneProfile::default() };
+        let ours = VplShootConfig::default();
+        let all = VplShootConfig { candidates: 1, ..ours.clone() };
+        let plain = VplShootConfig { guided: false, ..ours.clone() };
+        for far in [&sky, &sun] {
+            assert_eq!(ours.of(far).candidates, MORE_GUIDED * ours.candidates);
+            assert!(all.of(far) == all && plain.of(far) == plain);
+        }
+        assert!(ours.of(&SceneProfile::default()) == ours);
+    }
 
     /// Around the limits of workgroups and blocks, and where a thread scans several blocks.
     #[test]

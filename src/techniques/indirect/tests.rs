@@ -410,6 +410,7 @@ fn subsets(renderer: &mut Renderer, config: &RenderConfig, camera: &Camera) -> V
         path,
         bounce: 0,
         flux: [(path + 1) as f32, 1.0, 0.0],
+        spread: 0.0,
     };
     let vpls: Vec<Vpl> = (0..config.indirect.subsets()).map(one).collect();
     let (samples, _) = gathered_from(renderer, config, camera, &vpls);
@@ -546,7 +547,7 @@ fn uneven_subsets_keep_the_mean() {
             let place = [0, 1, 2].map(|d| crate::sampling::halton(d, path + 1, 0));
             let flux = [1.0 + place[0], 0.5 + 3.0 * place[1], place[2]];
             let position = [3.0 * place[0] - 1.5, 3.0 * place[1] - 1.5, 1.5 + place[2]];
-            Vpl { position, normal: [0.0, 0.0, -1.0], path, bounce: 0, flux }
+            Vpl { position, normal: [0.0, 0.0, -1.0], path, bounce: 0, flux, spread: 0.0 }
         };
         let vpls: Vec<Vpl> = (0..paths).map(vpl).collect();
         let mean = |values: &[Vec3]| values.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / values.len() as f64;
