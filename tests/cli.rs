@@ -790,7 +790,7 @@ fn paths_that_all_arrive_are_nothing_to_speak_of_and_none_at_all_are() {
         "s.json",
     ];
     let out = rendered(&folder, &[&["far.obj", "--environment", "1,1,1"], &seen[..]].concat());
-    assert!(stderr(&out).contains("none of 1920 light paths left a VPL"), "{}", stderr(&out));
+    assert!(stderr(&out).contains("none of 15360 light paths left a VPL"), "{}", stderr(&out));
     let out = rendered(&folder, &[&["far.obj", "--environment", "0,0,0"], &seen[..]].concat());
     assert!(!stderr(&out).contains("light path"), "{}", stderr(&out));
     let out = rendered(&folder, &[&["far.obj", "--no-headlight"], &seen[..]].concat());
