@@ -14,6 +14,7 @@ use parhelion::config::RenderConfig;
 use parhelion::graph::{Typical, check};
 use parhelion::renderer::{self, Aov, BackendChoice, Frame, FrameRequest, Renderer, RendererOptions};
 use parhelion::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene, builtin};
+use parhelion::shaders::Vpl;
 use parhelion::techniques::indirect::{Filter, IndirectConfig, Pattern, Upsample, Visibility};
 use parhelion::vk::{Backend, Device};
 
@@ -621,7 +622,8 @@ fn subsets_hold_whole_paths_in_order() {
             );
             let count = frame.vpl_count.unwrap();
             assert_eq!(taps[1][0], count);
-            let vpls: Vec<Vec<u32>> = taps[0].chunks(11).take(count as usize).map(<[u32]>::to_vec).collect();
+            let vpls: Vec<Vec<u32>> =
+                taps[0].chunks(size_of::<Vpl>() / 4).take(count as usize).map(<[u32]>::to_vec).collect();
             (vpls, taps[1][1..].to_vec())
         };
         let (path, bounce) = (3, 7);

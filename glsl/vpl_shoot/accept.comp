@@ -1,9 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Keeps as many VPLs of each subset as there is room for, each with a probability in proportion to its weight, by which its
-// flux is divided (systematic sampling; Georgiev & Slusallek 2010). All that matter more than the mean are as likely: paths
-// are spread evenly, and unequal flux would undo that. A share goes to all alike: points that weights are of are few. One
-// workgroup; a thread takes a run of VPLs.
+// flux is divided (systematic sampling; Georgiev & Slusallek 2010). Unless paths are guided, all that matter more than the mean
+// are as likely: paths are spread evenly, and unequal flux would undo that. A share goes to all alike: points that weights are
+// of are few. Weights are in steps, so that rounding changes hardly any choice. One workgroup; a thread takes a run of VPLs.
 #include "lib/scan.glsl"
 #include "lib/sampling.glsl"
 #include "shared/scene.glsl"
@@ -18,7 +18,16 @@ layout(push_constant, scalar) uniform Params { uint subsets; uint room; } params
 
 const float ALIKE = 0.5;
 const uint ROUNDS = 4u;
-const float STEPS = 32.0; // of weights, so that rounding changes hardly any choice
+
+layout(constant_id = 0) const bool GUIDED = false;
+
+// `weight`: in means.
+float in_steps(float weight) {
+    if (!GUIDED) return round(32.0 * mix(min(weight, 1.0), 1.0, ALIKE)) / 32.0;
+    // Each step four times as high as the one below, and none near the mean.
+    weight = mix(weight, 1.0, ALIKE);
+    return weight < 0.75 ? ALIKE : exp2(2.0 * floor(0.5 * log2(weight / 0.75)));
+}
 
 // Probabilities are numbers of these, so that threads agree on the place of each VPL.
 const uint WHOLE = 65536u;
@@ -51,11 +60,10 @@ void main() {
         for (uint k = first; k < end; ++k) sum += weights.data[k];
         float mean = sum_of(vec2(sum)).x / float(max(all, 1u));
         for (uint k = first; k < end; ++k) {
-            float weight = mix(mean > 0.0 ? min(weights.data[k] / mean, 1.0) : 1.0, 1.0, ALIKE);
-            weights.data[k] = round(STEPS * weight) / STEPS;
+            weights.data[k] = in_steps(mean > 0.0 ? weights.data[k] / mean : 1.0);
         }
-        float scale = float(params.room) / float(max(all, 1u));
-        // What the certain ones have too much of goes to the others.
+        float scale = 0.0;
+        // So that as many are kept as there is room for; what the certain ones have too much of goes to the others.
         for (uint round = 0u; round < ROUNDS; ++round) {
             vec2 parts = vec2(0.0);
             for (uint k = first; k < end; ++k) {

@@ -11,7 +11,8 @@ struct Guide {
     vec3 position;
     uint source; // index of a directional light, or one of the above
     vec2 v;      // numbers that chose the direction to the environment
-    float edge;  // of the pilot's path to it (m); 0 where the camera sees it
+    vec3 before; // where the pilot's path came from
+    float edge;  // how far from there (m); 0 where the camera sees it
     float reach; // from what the camera sees to what is next along a random ray (m); 0: nothing
 };
 

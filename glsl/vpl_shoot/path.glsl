@@ -37,27 +37,31 @@ struct Emission {
     vec3 origin;
     vec3 direction;
     vec3 flux; // carried by the path, W
-    float spread; // of what else it stands for, a squared radius (m²)
+    GuidedStart start;
 };
+
+Emission plain_emission(vec3 origin, vec3 direction, vec3 flux) { return Emission(origin, direction, flux, no_start()); }
+
+Emission guided_emission(GuidedStart start, vec3 flux) { return Emission(origin_of(start), start.direction, flux, start); }
 
 // Of a light without size; `paths_here` is p_light · P, `v` two numbers in [0, 1).
 Emission emit(Light light, float paths_here, vec2 v, uint path, uint source) {
     if (GUIDED && is_directional(light)) {
-        GuidedStart start = guided_start(pick_guide(path, source), source, vec2(0.0), v, light.direction);
-        return Emission(start.origin, light.direction, light.flux / (paths_here * beam_area() * start.density), spread_of(start, paths_here));
+        GuidedStart start = guided_start(pick_guide(path, source), source, vec2(0.0), v, light.direction, paths_here);
+        return guided_emission(start, light.flux / (paths_here * beam_area() * start.density));
     }
     if (is_directional(light)) {
         vec2 disc = scene.scene_radius * sample_disc(v);
         vec3 start = scene.scene_center - scene.scene_radius * light.direction;
-        return Emission(start + basis_around(light.direction) * vec3(disc, 0.0), light.direction, light.flux / paths_here, 0.0);
+        return plain_emission(start + basis_around(light.direction) * vec3(disc, 0.0), light.direction, light.flux / paths_here);
     }
     if (is_spot(light)) {
         vec3 direction = basis_around(light.direction) * sample_cone(v, light.cos_outer);
         float solid_angle = 2.0 * PI * (1.0 - light.cos_outer);
-        return Emission(light.position, direction,
-                        light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here), 0.0);
+        return plain_emission(light.position, direction,
+                        light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here));
     }
-    return Emission(light.position, sample_sphere(v), light.flux / paths_here, 0.0);
+    return plain_emission(light.position, sample_sphere(v), light.flux / paths_here);
 }
 
 // Of an emissive triangle: uniform by area, on either side alike where both emit, cosine-distributed.
@@ -71,8 +75,8 @@ Emission emit(LightChoice choice, vec2 v, vec2 place) {
         paths_here *= 0.5;
     }
     vec3 normal = front ? p.normal : -p.normal;
-    return Emission(offset_origin(p.position, normal), basis_around(normal) * sample_cosine_hemisphere(v),
-                    emitted_at(p, front) * (PI / paths_here), 0.0);
+    return plain_emission(offset_origin(p.position, normal), basis_around(normal) * sample_cosine_hemisphere(v),
+                    emitted_at(p, front) * (PI / paths_here));
 }
 
 // Of the environment, from the disc that faces the direction.
@@ -81,17 +85,17 @@ Emission emit_sky(LightChoice choice, vec2 v, vec2 place, uint path) {
     if (GUIDED) {
         Choice way = pick_guide(path, ENVIRONMENT_SOURCE);
         v = within_cell(way, v);
-        if (!sample_sky(table_of_all(), v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-        GuidedStart start = guided_start(way, ENVIRONMENT_SOURCE, v, place, -s.direction);
-        return Emission(start.origin, -s.direction, s.radiance_over_pdf / (float(params.paths) * start.density),
-                        spread_of(start, choice.probability * float(params.paths)));
+        if (!sample_sky(table_of_all(), v, choice, s)) return plain_emission(vec3(0.0), vec3(0.0), vec3(0.0));
+        float paths_here = choice.probability * float(params.paths);
+        GuidedStart start = guided_start(way, ENVIRONMENT_SOURCE, v, place, -s.direction, paths_here);
+        return guided_emission(start, s.radiance_over_pdf / (float(params.paths) * start.density));
     }
-    if (!sample_sky(table_of_all(), v, choice, s)) return Emission(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
+    if (!sample_sky(table_of_all(), v, choice, s)) return plain_emission(vec3(0.0), vec3(0.0), vec3(0.0));
     vec2 disc = scene.scene_radius * sample_disc(place);
     vec3 start = scene.scene_center + scene.scene_radius * s.direction;
     float area = PI * scene.scene_radius * scene.scene_radius;
-    return Emission(start + basis_around(s.direction) * vec3(disc, 0.0), -s.direction,
-                    s.radiance_over_pdf * (area / float(params.paths)), 0.0);
+    return plain_emission(start + basis_around(s.direction) * vec3(disc, 0.0), -s.direction,
+                    s.radiance_over_pdf * (area / float(params.paths)));
 }
 
 Emission emit(uint path) {
@@ -138,6 +142,7 @@ uint shoot(uint path, inout uint rays) {
     if (scene.light_choice_count > 0u) {
         Emission emission = emit(path);
         vec3 origin = emission.origin, direction = emission.direction, flux = emission.flux;
+        float spread = emission.start.spread;
         vec3 absorption = vec3(0.0);
         uint specular = 0u;
         Hit hit;
@@ -169,9 +174,14 @@ uint shoot(uint path, inout uint rays) {
                 float before = sum(flux);
                 flux *= albedo * (cos_g > 0.0 ? cos_s / cos_g : 0.0);
                 if (flux == vec3(0.0)) break;
-                leave(Vpl(surface.position, path, surface.geometric_normal, bounce, flux, emission.spread));
+                leave(Vpl(surface.position, path, surface.geometric_normal, bounce, flux, spread));
                 vec2 u = bounce_pair(bounce, path);
                 direction = basis_around(surface.geometric_normal) * sample_cosine_hemisphere(u);
+                float weight = 1.0;
+                if (GUIDED && bounce == 0u && emission.start.source != NO_SOURCE) {
+                    uint bits = hash(hash(scene.seed, path), 0x6261636bu);
+                    direction = guided_bounce(emission.start, surface.position, surface.geometric_normal, u, bits, weight);
+                }
                 origin = offset_origin(surface.position, surface.geometric_normal);
                 ++bounce;
                 specular = 0u;
@@ -179,6 +189,8 @@ uint shoot(uint path, inout uint rays) {
                     float survival = min(sum(flux) / before, MOST_SURVIVAL);
                     flux = unit_float(hash(hash(scene.seed, path), rays, 2u)) < survival ? flux / survival : vec3(0.0);
                 }
+                flux *= weight;
+                spread *= weight;
                 continue;
             }
             // Mirrors and glass leave no VPL: the path goes on one way, chosen by its share of the light. Through a pane is

@@ -34,8 +34,9 @@ void main() {
     vec2 at = vec2(scene.full_size) * (vec2(i % params.side, i / params.side) + next_pair()) / float(params.side);
     uvec2 pixel = uvec2(at);
     Ray ray = camera_ray(pixel - scene.window_origin, at - vec2(pixel));
-    Guide guide = Guide(vec3(0.0), NO_SOURCE, vec2(0.0), 0.0, 0.0);
+    Guide guide = Guide(vec3(0.0), NO_SOURCE, vec2(0.0), vec3(0.0), 0.0, 0.0);
     LightTable lights = table_of_all();
+    vec3 before = ray.origin;
     uint vertices = 0u, seen = 0u, rays = 0u;
     Hit hit;
     for (uint step = 0u; step < STEPS && vertices < VERTICES; ++step) {
@@ -55,10 +56,10 @@ void main() {
             // The way that most of the light takes.
             if (t > r) ray.direction = transmit(material, ray.direction, surface.normal, front);
             else ray.direction = reflect_above(ray.direction, surface.normal, surface.geometric_normal);
-            ray.origin = offset_origin(surface.position, (t > r ? -1.0 : 1.0) * surface.geometric_normal);
+            ray.origin = before = offset_origin(surface.position, (t > r ? -1.0 : 1.0) * surface.geometric_normal);
             continue;
         }
-        float edge = vertices == 0u ? 0.0 : distance(ray.origin, surface.position);
+        float edge = vertices == 0u ? 0.0 : distance(before, surface.position);
         ++vertices;
         vec3 from = offset_origin(surface.position, surface.geometric_normal);
         for (uint k = 0u; k < ASKED && lights.count > 0u; ++k) {
@@ -79,10 +80,10 @@ void main() {
             if (cosine <= chance || cosine <= 0.0) continue;
             if (arriving(vec3(1.0), from, direction, 4.0 * scene.scene_radius, rays) == vec3(0.0)) continue;
             ++seen;
-            if (replaces * float(seen) < 1.0) guide = Guide(surface.position, source, v, edge, guide.reach);
+            if (replaces * float(seen) < 1.0) guide = Guide(surface.position, source, v, before, edge, guide.reach);
         }
         ray.direction = basis_around(surface.geometric_normal) * sample_cosine_hemisphere(next_pair());
-        ray.origin = from;
+        ray.origin = before = from;
     }
     found.data[i] = guide;
     count_rays(rays);

@@ -18,9 +18,14 @@
 //!
 //! Candidates: more paths are shot than VPLs are asked for, and of theirs only as many are kept, each with a probability
 //! that follows its share of the light at points all over the picture, and that its flux is divided by: the root mean square of
-//! the share, since that leaves least noise, where it is below the mean of all, and half of the probability alike for all
-//! (Georgiev & Slusallek, "Simple and Robust Iterative Importance Sampling of Virtual Point Lights", 2010). In Sponza, where
-//! three of four VPLs light nothing that is seen, relMSE falls from 0.055 to 0.038 at half the VPLs.
+//! the share, since that leaves least noise, and half of the probability alike for all (Georgiev & Slusallek, "Simple and
+//! Robust Iterative Importance Sampling of Virtual Point Lights", 2010). Unless paths are guided, all shares above the mean of
+//! all count as that. In Sponza, where three of four VPLs light nothing that is seen, relMSE falls from 0.055 to 0.038 at half
+//! the VPLs.
+//!
+//! Guides: paths from the camera, retraced. A light path that starts where one of them met the sky's or the sun's light leaves
+//! that place towards where it had come from, three times of four, so that light off the ground outside finds the window: in a
+//! school room the picture's mean then varies by 8 % from seed to seed in place of 30 %.
 //!
 //! Spread: a guided path stands for all that might have started around it, the more the fewer start there. Its VPLs shine as
 //! discs of that area do along their axis, Φ/π · cosθ cosθ'/(d² + r²), where that is wider than bounding reaches: plain paths,
@@ -154,7 +159,7 @@ pub struct Vpls {
 const PILOT_SIDE: u32 = 64;
 
 /// Numbers of four bytes in a guide.
-const GUIDE_WORDS: u64 = 8;
+const GUIDE_WORDS: u64 = 11;
 
 /// Finds where light from infinitely far away matters; `None` where there is none or it is not asked for.
 fn guides(g: &mut Graph, k: &Kernels, config: &VplShootConfig) -> Option<Res<Buffer>> {
@@ -308,7 +313,8 @@ fn accept(
         let vpls = g.buffer("accepted", bytes(slots));
         let count = g.buffer("accepted_count", 4 * (u64::from(subsets) + 2));
         let bind = accept::Bind { candidates: shot.list, found: shot.count, weights, vpls, count };
-        g.pass("accept", &accept::kernel(), bind, accept::Params { subsets, room }, Grid::Of([1, 1, 1]));
+        let kernel = accept::kernel(accept::Spec { guided: config.guides(&k.profile) });
+        g.pass("accept", &kernel, bind, accept::Params { subsets, room }, Grid::Of([1, 1, 1]));
         Vpls { list: vpls, count, slots, subset_slots, bounces: shot.bounces }
     })
 }
@@ -394,9 +400,13 @@ fn bytes(vpls: u32) -> u64 {
 mod tests {
     use super::*;
     use crate::common;
+    use crate::config::RenderConfig;
     use crate::graph::{Executor, RunOptions};
+    use crate::renderer::{BackendChoice, Renderer, RendererOptions};
     use crate::sampling::hash;
+    use crate::scene::{Environment, Light, LightKind, Mesh, Scene, builtin};
     use crate::vk::Backend;
+    use glam::{Vec3, vec3};
 
     #[test]
     fn more_candidates_are_shot_where_paths_are_guided() {
@@ -410,6 +420,83 @@ mod tests {
             assert!(all.of(far) == all && plain.of(far) == plain);
         }
         assert!(ours.of(&SceneProfile::default()) == ours);
+    }
+
+    const SEEDS: u32 = 24;
+
+    /// A hut with a window, the ground before it, sky and sun.
+    fn hut() -> Scene {
+        let mut mesh = Mesh::default();
+        let blocks = [
+            [[-6.0, -0.2, -6.0], [6.0, 0.0, 6.0]],
+            [[-2.0, 0.0, -2.2], [2.0, 3.0, -2.0]],
+            [[-2.2, 0.0, -2.2], [-2.0, 3.0, 2.2]],
+            [[2.0, 0.0, -2.2], [2.2, 3.0, 2.2]],
+            [[-2.2, 3.0, -2.2], [2.2, 3.2, 2.2]],
+            // Around the window.
+            [[-2.0, 0.0, 2.0], [2.0, 1.0, 2.2]],
+            [[-2.0, 2.0, 2.0], [2.0, 3.0, 2.2]],
+            [[-2.0, 1.0, 2.0], [-0.5, 2.0, 2.2]],
+            [[0.5, 1.0, 2.0], [2.0, 2.0, 2.2]],
+        ];
+        for [low, high] in blocks.map(|block| block.map(Vec3::from)) {
+            builtin::block(&mut mesh, low, high, 0);
+        }
+        let camera = builtin::look(vec3(1.5, 1.5, 1.5), vec3(-1.0, 1.0, -2.0));
+        let mut scene = builtin::scene(mesh, vec![common::gray(0.6)], Vec3::ZERO, camera);
+        let direction = vec3(0.1, -1.0, -0.3).normalize();
+        scene.lights = vec![Light { kind: LightKind::Directional, direction, ..scene.lights[0].clone() }];
+        scene.environment = Some(Environment::constant(Vec3::splat(0.2)));
+        scene
+    }
+
+    /// Flux (W) that arrives in the hut, straight from outside and by one bounce: means over seeds and their standard errors.
+    fn flux_inside(renderer: &mut Renderer, guided: bool, vpls: u32) -> [[f64; 2]; 2] {
+        let mut sums = [[0.0; 2]; 2];
+        for seed in 0..SEEDS {
+            let mut config = RenderConfig { size: [32, 32], seed, ..common::plain() };
+            config.vpl_shoot = VplShootConfig { vpls, bounces: Some(2), guided, ..config.vpl_shoot };
+            let camera = renderer.scene().cameras[0].clone();
+            let k = renderer.kernels(config.whitted.mirror_roughness).with_indirect(&config.indirect);
+            let mut g = Graph::new();
+            let paths = paths(&mut g, &k, &config.vpl_shoot, 1);
+            let vpls = compact(&mut g, &k, &config.vpl_shoot, &paths, 1, 0.0);
+            let (list, count) = (g.read_buffer::<Vpl>(vpls.list), g.read_buffer::<u32>(vpls.count));
+            let mut run = renderer.run(g, &config, &camera).unwrap();
+            let count = run.take(count)[0] as usize;
+            let mut flux = [0.0; 2];
+            for vpl in &run.take(list)[..count] {
+                let [x, y, z] = vpl.position;
+                if x.abs() < 2.01 && (-0.01..3.01).contains(&y) && z.abs() < 2.01 {
+                    flux[vpl.bounce as usize] += f64::from(vpl.flux.iter().sum::<f32>());
+                }
+            }
+            for (sum, flux) in sums.iter_mut().zip(flux) {
+                sum[0] += flux;
+                sum[1] += flux * flux;
+            }
+        }
+        let n = f64::from(SEEDS);
+        sums.map(|[sum, squares]| [sum / n, ((squares - sum * sum / n) / (n * (n - 1.0))).sqrt()])
+    }
+
+    /// Guides bring the flux that plain paths bring, and more evenly, by way of the ground as well.
+    #[test]
+    fn guided_paths_bring_the_same_flux() {
+        let Some((_guard, device)) = common::device() else { return };
+        let options = RendererOptions {
+            backend: BackendChoice::Force(Backend::Software),
+            ..RendererOptions::default()
+        };
+        let mut renderer = Renderer::new(&device, hut(), &options).unwrap();
+        let plain = flux_inside(&mut renderer, false, 1 << 18);
+        let guided = flux_inside(&mut renderer, true, 1 << 16);
+        for bounce in 0..2 {
+            let ([a, sa], [b, sb]) = (plain[bounce], guided[bounce]);
+            println!("{bounce} bounces: {a} ± {sa} W plainly, {b} ± {sb} W guided");
+            assert!((a - b).abs() < 4.0 * sa.hypot(sb) && sa.hypot(sb) < 0.05 * a);
+            assert!(sb * sb < 2.0 * sa * sa, "of a quarter of the paths");
+        }
     }
 
     /// Around the limits of workgroups and blocks, and where a thread scans several blocks.
