@@ -21,7 +21,7 @@ struct Choice {
 
 // Where a path starts and why.
 struct GuidedStart {
-    Choice way;
+    Guide guide; // its source NO_SOURCE: plainly
     vec3 at; // on the line that it starts along
     vec3 direction;
     vec2 v; // numbers that chose the direction
@@ -33,7 +33,6 @@ struct GuidedStart {
 GuidedStart no_start() {
     GuidedStart start;
     start.source = NO_SOURCE;
-    start.way.guide.source = NO_SOURCE;
     start.spread = 0.0;
     return start;
 }
@@ -97,7 +96,7 @@ GuidedStart guided_start(Choice c, uint source, vec2 v, vec2 place, vec3 directi
     vec3 centre = plainly ? scene.scene_center : c.guide.position;
     // A hair inside, so that rounding leaves the start in the disc that it is from.
     vec3 at = centre + basis_around(direction) * vec3(0.9999 * radius * sample_disc(place), 0.0);
-    GuidedStart start = GuidedStart(c, at, direction, v, source, 0.0, 0.0);
+    GuidedStart start = GuidedStart(c.guide, at, direction, v, source, 0.0, 0.0);
     float plain = plain_density(at, direction);
     vec2 density = vec2(plain);
     if (guides.count > 0u) {
@@ -135,7 +134,7 @@ float density_back(Guide guide, vec3 x, vec3 direction, float cosine) {
 // The way of a path from its first diffuse hit; `weight`: that of diffuse light there over its density.
 vec3 guided_bounce(GuidedStart start, vec3 x, vec3 normal, vec2 u, uint bits, out float weight) {
     vec4 cone = vec4(0.0, 0.0, 1.0, 1.0);
-    if (start.way.guide.source != NO_SOURCE && unit_float(bits) < AIMED_SHARE) cone = cone_back(start.way.guide, x);
+    if (start.guide.source != NO_SOURCE && unit_float(bits) < AIMED_SHARE) cone = cone_back(start.guide, x);
     vec3 direction = basis_around(cone.w < 1.0 ? cone.xyz : normal) *
                      (cone.w < 1.0 ? sample_cone(0.9999 * u, cone.w) : sample_cosine_hemisphere(u));
     float cosine = dot(normal, direction);

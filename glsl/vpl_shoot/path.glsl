@@ -59,7 +59,7 @@ Emission emit(Light light, float paths_here, vec2 v, uint path, uint source) {
         vec3 direction = basis_around(light.direction) * sample_cone(v, light.cos_outer);
         float solid_angle = 2.0 * PI * (1.0 - light.cos_outer);
         return plain_emission(light.position, direction,
-                        light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here));
+                              light.intensity * (spot_falloff(light, direction) * solid_angle / paths_here));
     }
     return plain_emission(light.position, sample_sphere(v), light.flux / paths_here);
 }
@@ -76,7 +76,7 @@ Emission emit(LightChoice choice, vec2 v, vec2 place) {
     }
     vec3 normal = front ? p.normal : -p.normal;
     return plain_emission(offset_origin(p.position, normal), basis_around(normal) * sample_cosine_hemisphere(v),
-                    emitted_at(p, front) * (PI / paths_here));
+                          emitted_at(p, front) * (PI / paths_here));
 }
 
 // Of the environment, from the disc that faces the direction.
@@ -95,7 +95,7 @@ Emission emit_sky(LightChoice choice, vec2 v, vec2 place, uint path) {
     vec3 start = scene.scene_center + scene.scene_radius * s.direction;
     float area = PI * scene.scene_radius * scene.scene_radius;
     return plain_emission(start + basis_around(s.direction) * vec3(disc, 0.0), -s.direction,
-                    s.radiance_over_pdf * (area / float(params.paths)));
+                          s.radiance_over_pdf * (area / float(params.paths)));
 }
 
 Emission emit(uint path) {
