@@ -484,6 +484,26 @@ fn a_picture_of_the_users_own_is_a_reference() {
     assert!(error(0) == 0.0 && error(1) > 0.0);
 }
 
+/// The sky around the scene is that of `render`.
+#[test]
+fn a_chart_takes_an_environment() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    let scene = ["builtin:plane", "--size", "32x24", "--environment"];
+    let own = folder
+        .run(&[&["render", "-q", "--preset", "fast", "-o", "own.exr"], &scene[..], &["1,2,3"]].concat());
+    assert_eq!(own.status.code(), Some(0), "{}", stderr(&own));
+    folder.write("grid.toml", "[[sweep]]\npreset = 'fast'");
+    let error = |sky| {
+        let args = ["--grid", "grid.toml", "--seeds", "1", "--reference", "own.exr", "-o", sky];
+        let output = folder.run(&[&["chart", "-q"], &scene[..], &[sky], &args].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        number(&points(&folder.json(&format!("{sky}/data.json")))[0]["metrics"]["rel_mse"]["median"])
+    };
+    assert_eq!(error("1,2,3"), 0.0);
+    assert!(error("3,2,1") > 0.0);
+}
+
 /// What is chosen is what the chart predicts, is rendered with those settings, and is told with what came of it.
 #[test]
 fn a_budget_takes_the_best_of_the_chart_and_an_error_the_fastest() {

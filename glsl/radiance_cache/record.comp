@@ -17,9 +17,12 @@ layout(push_constant, scalar) uniform Params { float least_edge; uint bounces; }
 
 shared Probed points[RECORDS][POINTS_A_CELL];
 shared uint seen[RECORDS];
+shared float promises[RECORDS][LANES];
 shared Sides sums[RECORDS][LANES];
 
 Probed point_of(uint i) { return points[gl_LocalInvocationID.y][i]; }
+
+float promised(uint lane) { return promises[gl_LocalInvocationID.y][lane]; }
 
 void main() {
     uint lane = gl_LocalInvocationID.x, row = gl_LocalInvocationID.y, rays = 0u;
@@ -41,8 +44,15 @@ void main() {
     if (lane < POINTS_A_CELL) atomicOr(seen[row], is_seen(found, lane, cell, params.least_edge, rays));
     barrier();
     Chosen c = chosen_of(found, seen[row]);
+    Target t = Target(vec3(0.0), vec3(0.0), 0.0, 0u);
+    promises[row][lane] = 0.0;
+    if (c.beside != 0u) {
+        t = target_of(c, cell, params.least_edge, params.bounces);
+        promises[row][lane] = promise_of_lane(lane, seed, t);
+    }
+    barrier();
     Sides sides = DARK;
-    if (c.beside != 0u) sides = share_of_lane(c, lane, seed, params.least_edge, params.bounces, rays);
+    if (c.beside != 0u) sides = share_of_lane(c, t, lane, seed, params.least_edge, params.bounces, rays);
     sums[row][lane] = sides;
     barrier();
     if (inside && lane == 0u) {

@@ -1,5 +1,4 @@
-// The irradiance of a cell: rays across it find its surfaces, which lights and a run of VPLs light. Expects `vpls` and
-// `count`.
+// The irradiance of a cell: rays across it find its surfaces, which lights and VPLs light. Expects `vpls` and `count`.
 #ifndef RADIANCE_CACHE_RECORD_GLSL
 #define RADIANCE_CACHE_RECORD_GLSL
 
@@ -11,7 +10,10 @@
 const uint LANES = 32u;          // that share a record
 const uint POINTS_A_CELL = 16u;  // at most
 const uint LIGHT_SAMPLES = 32u;  // of a record
-const uint RUN = 96u;            // VPLs that light it
+const uint VPL_SAMPLES = 64u;    // as well
+const uint CANDIDATES = 1024u;   // VPLs that those are chosen from, at most
+const float BY_PROMISE = 0.8;    // of them
+const float LEAST_FACING = 0.1;  // cosines below this promise as much: a cell has many points and normals
 
 // What lanes know of a cell.
 struct Probed {
@@ -169,12 +171,87 @@ Sent by_light(Receiver x, vec3 u, bool beside_rays) {
     return Sent(cosine * light.radiance_over_pdf, from, light.direction, light.distance);
 }
 
-// VPL `i` of a run that begins anywhere, if fewer than `bounces` diffuse hits have left it: the point's own is one more.
-Sent by_vpl(Receiver x, uint i, uint seed, float min_distance, uint bounces) {
-    uint k = (uint(unit_float(seed) * float(count.vpls)) + i) % count.vpls;
+// VPL `k`, chosen with this probability, if fewer than `bounces` diffuse hits have left it: the point's own is one more.
+Sent by_vpl(Receiver x, uint k, float probability, float min_distance, uint bounces) {
     if (vpls.data[k].bounce + 1u >= bounces) return NOTHING;
     Connection c = connect_vpl(k, x, min_distance);
-    return Sent(float(count.vpls) * c.light, c.from, c.to - c.from, 1.0);
+    return Sent(c.light / probability, c.from, c.to - c.from, 1.0);
+}
+
+// VPLs are chosen from a run that begins anywhere.
+uint candidates() { return min(CANDIDATES, count.vpls); }
+
+uint candidate(uint i, uint seed) { return (uint(unit_float(seed) * float(count.vpls)) + i) % count.vpls; }
+
+// Where a cell is lit.
+struct Target {
+    vec3 position;
+    vec3 axis;
+    float edge;
+    uint bounces;
+};
+
+Target target_of(Chosen c, Cell cell, float least, uint bounces) {
+    Target t = Target(point_of(findLSB(c.beside)).position, vec3(0.0), edge_of(cell.level, least), bounces);
+    t.axis[cell.face >> 2] = (cell.face & 2u) != 0u ? -1.0 : 1.0;
+    return t;
+}
+
+// About what a candidate brings there, if nothing is between.
+float promise(uint i, uint seed, Target t) {
+    Vpl vpl = vpls.data[candidate(i, seed)];
+    if (vpl.bounce + 1u >= t.bounces) return 0.0;
+    vec3 to = vpl.position - t.position;
+    float distance2 = max(dot(to, to), t.edge * t.edge), inverse = inversesqrt(distance2);
+    vec2 cosines = max(inverse * vec2(dot(t.axis, to), -dot(vpl.normal, to)), LEAST_FACING);
+    return sum(vpl.flux) * cosines.x * cosines.y / (distance2 + vpl.spread);
+}
+
+// A lane's candidates: first and end.
+uvec2 candidates_of(uint lane) { return uvec2(lane, lane + 1u) * candidates() / LANES; }
+
+float promise_of_lane(uint lane, uint seed, Target t) {
+    uvec2 range = candidates_of(lane);
+    float all = 0.0;
+    for (uint i = range.x; i < range.y; ++i) all += promise(i, seed, t);
+    return all;
+}
+
+// Whoever includes this says what the candidates of each lane promise.
+float promised(uint lane);
+
+struct ChosenVpl {
+    uint k;
+    float probability;
+};
+
+// By u in [0, 1): four times of five by its promise, else like any other.
+ChosenVpl choose_vpl(float u, uint seed, Target t) {
+    float all = 0.0;
+    for (uint lane = 0u; lane < LANES; ++lane) all += promised(lane);
+    float share = all > 0.0 ? BY_PROMISE : 0.0;
+    uint number = candidates(), i = min(uint(max(u - share, 0.0) / (1.0 - share) * float(number)), number - 1u);
+    if (u < share) {
+        float left = u / share * all;
+        uint lane = 0u;
+        for (uint l = 0u; l + 1u < LANES; ++l) {
+            if (l != lane || left < promised(l)) continue;
+            left -= promised(l);
+            ++lane;
+        }
+        uvec2 range = candidates_of(lane);
+        i = range.x;
+        for (uint j = range.x; j + 1u < range.y; ++j) {
+            if (j != i) continue;
+            float p = promise(j, seed, t);
+            if (left < p) continue;
+            left -= p;
+            ++i;
+        }
+    }
+    float by_promise = all > 0.0 ? share * promise(i, seed, t) / all : 0.0;
+    float in_run = float(number) / float(count.vpls);
+    return ChosenVpl(candidate(i, seed), in_run * (by_promise + (1.0 - share) / float(number)));
 }
 
 vec3 arriving_sent(Sent s, bool vpl, inout uint rays) {
@@ -214,10 +291,10 @@ Sides sum_of(Sides a, Sides b) { return Sides(sum_of(a.beside, b.beside), sum_of
 // What a ray's end that mirrors and glass lead to asks: one sample of the lights, and these VPLs.
 const uint VPLS_AT_END = 4u;
 
-Sides share_of_lane(Chosen c, uint lane, uint seed, float min_distance, uint bounces, inout uint rays) {
+Sides share_of_lane(Chosen c, Target t, uint lane, uint seed, float min_distance, uint bounces, inout uint rays) {
     Sides sides = DARK;
-    uint run = min(RUN, count.vpls), run_at_end = min(VPLS_AT_END, count.vpls);
-    uint reach = max(max(LIGHT_SAMPLES, run), LANES);
+    uint samples = count.vpls > 0u ? VPL_SAMPLES : 0u, at_ends = count.vpls > 0u ? VPLS_AT_END : 0u;
+    uint reach = max(max(LIGHT_SAMPLES, samples), LANES);
     for (uint i = lane; i < reach; i += LANES) {
         bool behind = is_behind(c, i);
         Receiver x = receiver_of(point_of(point_for(c, i, behind))), y = x;
@@ -236,19 +313,23 @@ Sides share_of_lane(Chosen c, uint lane, uint seed, float min_distance, uint bou
             }
         }
         // All in one loop, since a copy of what it takes would be as long as the rest.
-        uint lights = i < LIGHT_SAMPLES ? 1u : 0u, own = lights + (i < run ? 1u : 0u);
-        uint last = bent ? own + 1u + run_at_end : own;
+        uint lights = i < LIGHT_SAMPLES ? 1u : 0u, own = lights + (i < samples ? 1u : 0u);
+        uint last = bent ? own + 1u + at_ends : own;
         for (uint j = 0u; j < last; ++j) {
             bool at_end = j >= own;
             bool by_lights = at_end ? j == own : j < lights;
             uint k = at_end ? by_lights ? 0u : j - own - 1u : i;
-            uint of = by_lights ? at_end ? 1u : LIGHT_SAMPLES : at_end ? run_at_end : run;
+            uint of = by_lights ? at_end ? 1u : LIGHT_SAMPLES : at_end ? at_ends : samples;
             uint at = at_end ? hash(seed, 6u, i) : seed;
             Receiver z = x;
             if (at_end) z = y;
             Sent sent;
             if (by_lights) sent = by_light(z, vec3(sobol(k, hash(at, 2u)).x, sobol(k, hash(at, 3u))), !at_end);
-            else sent = by_vpl(z, k, at, min_distance, at_end ? bounces - 1u : bounces);
+            else {
+                ChosenVpl v = ChosenVpl(candidate(k, at), 1.0 / float(count.vpls));
+                if (!at_end) v = choose_vpl((float(k) + unit_float(hash(seed, 7u, k))) / float(samples), seed, t);
+                sent = by_vpl(z, v.k, v.probability, min_distance, at_end ? bounces - 1u : bounces);
+            }
             vec3 light = arriving_sent(sent, !by_lights, rays);
             lit.light += at_end ? weight * light / float(of) : light / float(dealt(c, of, behind));
         }

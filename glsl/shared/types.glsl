@@ -138,6 +138,13 @@ struct Vpl {
     float spread; // of what it stands for, a squared radius (m²); 0: a point
 };
 
+// One that is kept for so many.
+Vpl for_all(Vpl vpl, float number) {
+    vpl.flux *= number;
+    vpl.spread *= number;
+    return vpl;
+}
+
 struct Camera {
     vec3 eye;
     uint orthographic;

@@ -84,10 +84,7 @@ void main() {
             uint place = at / WHOLE;
             at += share;
             if (at / WHOLE == place) continue;
-            Vpl vpl = candidates.data[k];
-            vpl.flux *= float(WHOLE) / float(share);
-            vpl.spread *= float(WHOLE) / float(share);
-            vpls.data[kept + place] = vpl;
+            vpls.data[kept + place] = for_all(candidates.data[k], float(WHOLE) / float(share));
         }
         if (thread == 0u) count.starts[s] = kept;
         kept += total / WHOLE;

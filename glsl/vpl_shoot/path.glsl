@@ -1,6 +1,7 @@
 // Light paths. Expects `params.paths` and `guides`, and of whoever includes it:
-//     const bool ROULETTE  paths end by chance, not after `params.bounces` diffuse hits
-//     void leave(Vpl vpl)  called at every diffuse hit, in order
+//     const bool ROULETTE   paths end by chance, not after `params.bounces` diffuse hits
+//     const bool SCRAMBLED  Halton's points are for the first bounces alone
+//     void leave(Vpl vpl)   called at every diffuse hit, in order
 #ifndef VPL_SHOOT_PATH_GLSL
 #define VPL_SHOOT_PATH_GLSL
 
@@ -123,11 +124,11 @@ Emission emit(uint path) {
 // Probability with which roulette lets a path go on, at most: white walls end paths too.
 const float MOST_SURVIVAL = 0.9;
 
-// Bounces whose directions are Halton's where roulette ends paths. Points in higher bases are lines for thousands of paths.
+// Bounces whose directions are Halton's, if not all are. Points in higher bases are lines for thousands of paths.
 const uint HALTON_BOUNCES = 3u;
 
 vec2 bounce_pair(uint bounce, uint path) {
-    if (ROULETTE && bounce >= HALTON_BOUNCES) return sobol(path, hash(scene.seed, 0x626f756eu, bounce));
+    if (SCRAMBLED && bounce >= HALTON_BOUNCES) return sobol(path, hash(scene.seed, 0x626f756eu, bounce));
     return halton_pair(first_bounce_dimension() + 2u * bounce, path);
 }
 

@@ -11,6 +11,7 @@ layout(set = 1, binding = 1, scalar) readonly buffer Guides { uint count; float 
 layout(push_constant, scalar) uniform Params { uint paths; uint bounces; } params;
 
 const bool ROULETTE = false;
+layout(constant_id = 2) const bool SCRAMBLED = false;
 #include "vpl_shoot/path.glsl"
 
 void leave(Vpl vpl) { slots.data[vpl.path * params.bounces + vpl.bounce] = vpl; }

@@ -15,7 +15,7 @@ layout(push_constant, scalar) uniform Params { uint paths; uint bounces; uint su
 
 #include "vpl_shoot/tally.glsl"
 
-const bool ROULETTE = true;
+const bool ROULETTE = true, SCRAMBLED = true;
 #include "vpl_shoot/path.glsl"
 
 uint place = 0u; // of the next VPL in its subset, before any is left out
@@ -26,10 +26,7 @@ void leave(Vpl vpl) {
     if (params.lists == 0u) return;
     uint kept = kept_before(place, thinning);
     bool keep = kept_before(place + 1u, thinning) != kept;
-    if (thinning.share != 0u) {
-        vpl.flux *= WHOLE / float(thinning.share);
-        vpl.spread *= WHOLE / float(thinning.share);
-    }
+    if (thinning.share != 0u) vpl = for_all(vpl, WHOLE / float(thinning.share));
     if (keep) vpls.data[start + kept] = vpl;
     ++place;
 }

@@ -8,10 +8,11 @@
 //!
 //! Cells are cubes of a grid, apart for six directions of normals and either side of triangles, their edges about as wide as
 //! a ray's footprint. A record is the irradiance of a cell: up to 16 points of its surfaces, found by rays across it, lit by
-//! 32 samples of the lights and a run of 96 VPLs. Where one of these points does not see all others, a wall divides the cell:
-//! the record holds both sides, and a ray's end asks which it is on. It depends on cell and seed alone, so that crops and
-//! tiles keep their bits. So many ends ask at a time that all their cells have a place; where those of ends before them leave
-//! too little room, the table is emptied first, and what was in it is made anew if it is asked for again, to the same bits.
+//! 32 samples of the lights and 64 VPLs, four of five chosen by what they bring if nothing is between (Talbot et al. 2005).
+//! Where one of these points does not see all others, a wall divides the cell: the record holds both sides, and a ray's end
+//! asks which it is on. It depends on cell and seed alone, so that crops and tiles keep their bits. So many ends ask at a time
+//! that all their cells have a place; where those of ends before them leave too little room, the table is emptied first, and
+//! what was in it is made anew if it is asked for again, to the same bits.
 //!
 //! Light of the environment that the diffuse part gets straight is found by these rays, too, weighed against the samples of
 //! lights ([`super::whitted`]) by the balance heuristic (Veach 1997, §9.2): through a window few of either arrive, but what
@@ -24,7 +25,7 @@
 //! Pixels on one plane lend each other what their rays find, two pixels far, and fourteen what they find by way of mirrors
 //! and glass, unless VPLs say that there is a shadow's edge between: that blurs contacts.
 //! Noise: grain by the rays' directions. Cost: a ray each, one more where a coat over something else is a mirror or a wall
-//! divides the cell, and about 270 for a record.
+//! divides the cell, and about 240 for a record.
 
 use super::Kernels;
 use super::gbuffer::{GBuffer, Geometry, Planes};

@@ -2,8 +2,8 @@
 //! 2010, §4).
 //!
 //! P paths leave the lights, each chosen in proportion to its power, with Halton points:
-//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce (by roulette for the first three,
-//! Owen-scrambled points after them). Emissive triangles and the
+//! base 2 for the light, 3 and 5 for its emission, the next pair of primes for each bounce (with roulette or candidates for the
+//! first three, Owen-scrambled points after them). Emissive triangles and the
 //! environment are lights like others, but take four numbers: in scenes with any, bases 3 and 5 choose the direction
 //! (emitters: by cosine, from a side that emits; environment: by its radiance), 7 and 11 the place (emitters: uniform by
 //! area; environment: on the disc through the scene's bounding sphere), and bounces begin at 13. A path starts with
@@ -31,7 +31,7 @@
 //! discs of that area do along their axis, Φ/π · cosθ cosθ'/(d² + r²), where that is wider than bounding reaches: plain paths,
 //! which carry a hundred times as much, would be spots else.
 //!
-//! Bias: light of more than `bounces` diffuse hits is missing, where that is set. Few paths correlate in the high bases.
+//! Bias: light of more than `bounces` diffuse hits is missing, where that is set. Few paths correlate in high bases, where all bounces are Halton's.
 //! Cost: one thread a path; of at most `bounces · (specular_depth + 1)` rays, or by roulette twice 1/(1 − ρ) of them.
 
 use super::Kernels;
@@ -209,7 +209,8 @@ pub fn paths(g: &mut Graph, k: &Kernels, config: &VplShootConfig, subsets: u32) 
             let slots = g.buffer("slots", bytes(config.room(1)[1]));
             let params = paths::Params { paths: config.paths(), bounces };
             let grid = Grid::Of([config.paths(), 1, 1]);
-            let kernel = paths::kernel(paths::Spec { lobes, guided }, &k.scene);
+            let spec = paths::Spec { lobes, guided, scrambled: config.candidates() > 1 };
+            let kernel = paths::kernel(spec, &k.scene);
             g.pass("paths", &kernel, paths::Bind { slots, guides }, params, grid);
             return Paths::Slots(slots);
         }
