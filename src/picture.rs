@@ -82,6 +82,9 @@ pub fn write(
                 ("Software", output::SOFTWARE.to_owned()),
                 ("Tone mapping", config.tone_map.operator.title().to_owned()),
                 ("Exposure", exposure(config, frame)),
+                ("Scene hash", origin.scene_hash.clone()),
+                ("Backend", origin.backend.clone()),
+                ("Settings", settings(config)),
             ];
             let glare = &config.glare;
             if glare.strength > 0.0 {
@@ -131,7 +134,7 @@ pub fn exr<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         ("parhelion:scene", text(&origin.scene)),
         ("parhelion:scene_hash", text(&origin.scene_hash)),
         ("parhelion:method", text(&config.method.name)),
-        ("parhelion:settings", json(serde_json::to_string(config))),
+        ("parhelion:settings", text(&settings(config))),
         ("parhelion:seed", number(config.seed.into())),
         ("parhelion:device", text(&origin.device)),
         ("parhelion:driver", text(&origin.driver)),
@@ -153,6 +156,40 @@ pub fn exr<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         attributes.push(("parhelion:noise", number(noise)));
     }
     Picture { size: config.size, window: config.window(), channels, attributes }
+}
+
+/// All settings, as JSON.
+fn settings(config: &RenderConfig) -> String {
+    serde_json::to_string(config).unwrap_or_default()
+}
+
+/// Whether a file is a picture that [`write()`] left of the same scene, camera, settings and backend, with these layers if it
+/// is an `.exr`. One that can't be read is none.
+#[must_use]
+pub fn is_of(file: &Path, origin: &Origin, config: &RenderConfig, aovs: &[Aov]) -> bool {
+    let made_of = [&origin.scene_hash, &origin.backend, &settings(config)];
+    match extension(file).as_deref() {
+        Some("exr") => output::read_exr(file).is_ok_and(|read| {
+            let keys = ["scene_hash", "backend", "settings"].map(|key| format!("parhelion:{key}"));
+            let same = keys.iter().zip(made_of).all(|(key, made_of)| {
+                matches!(read.attributes.get(key), Some(Attribute::Text(text)) if text == made_of)
+            });
+            let has = |aov: &Aov| {
+                let named =
+                    |channel: &str| channel.strip_prefix(aov.name()).is_some_and(|c| c.starts_with('.'));
+                read.channels.keys().any(|name| named(name) || *aov == Aov::Depth && name == "Z")
+            };
+            same && aovs.iter().all(has)
+        }),
+        Some("png") => output::read_png_texts(file).is_ok_and(|texts| {
+            let of = |key: &str| texts.iter().find(|(keyword, _)| keyword == key).map(|(_, text)| text);
+            ["Scene hash", "Backend", "Settings"]
+                .iter()
+                .zip(made_of)
+                .all(|(key, made_of)| of(key) == Some(made_of))
+        }),
+        _ => false,
+    }
 }
 
 /// A resource as a pass left it ([`Frame::taps`]): one channel as `Y`, up to four as `R`, `G`, `B`, `A`, more by number.

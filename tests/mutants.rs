@@ -11,7 +11,7 @@ use parhelion::chart::{Reference, grid};
 use parhelion::config::RenderConfig;
 use parhelion::graph::Typical;
 use parhelion::output::{self, Channels, Picture};
-use parhelion::scene::{self, Environment, LoadOptions, Scene, SceneProfile};
+use parhelion::scene::{self, Environment, LoadOptions, Scene, SceneError, SceneProfile};
 use parhelion::{ErrorClass, renderer};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
@@ -245,11 +245,28 @@ fn use_scene(scene: Scene) -> Outcome {
     Ok(())
 }
 
+/// Whatever moves the scene, its poses are scenes or refused by the file's name.
+fn play(file: &Path) {
+    let named = |error: SceneError| assert_eq!((error.class(), &*error.file), (ErrorClass::Input, file));
+    let Ok(scene) = scene::load(file, &LoadOptions { motion: true, ..LoadOptions::default() }).map_err(named)
+    else {
+        return;
+    };
+    for clip in 0..scene.clips().len() {
+        for time in [-1.0, 0.3, scene.clips()[clip].end(), 1e300] {
+            let _ = scene.pose(&[clip], time).map(|pose| pose.validate().unwrap()).map_err(named);
+        }
+    }
+}
+
 fn read(file: &Path) -> Outcome {
     let options = LoadOptions::default();
     match file.extension().and_then(|e| e.to_str()) {
         Some("gltf" | "glb" | "obj") => match scene::load(file, &options) {
-            Ok(scene) => use_scene(scene),
+            Ok(scene) => {
+                play(file);
+                use_scene(scene)
+            }
             Err(error) => Err((error.class(), error.to_string())),
         },
         Some("hdr") => Environment::load(file, &options).map(drop).map_err(|e| (e.class(), e.to_string())),

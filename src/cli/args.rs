@@ -9,7 +9,8 @@ use crate::vk::Backend;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, ArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use std::path::PathBuf;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Groups of options, in the order in which help shows them.
@@ -18,6 +19,7 @@ const LIGHT: &str = "Light";
 const PICTURE: &str = "Picture";
 const SPEED: &str = "Speed";
 const OUTPUT: &str = "Output";
+const FILM: &str = "Film";
 
 /// Where options of the machine stand in their group: behind those of the command.
 const LAST: usize = 1000;
@@ -161,6 +163,32 @@ pub(super) struct Settings {
     pub(super) define: Vec<String>,
 }
 
+/// Frames of a film.
+#[derive(clap::Args)]
+pub(super) struct Film {
+    /// Frames of a film, such as 1-240 or 17: frame N shows the scene at N/fps seconds.
+    ///
+    /// Names of its files have a # or more where the frame's number goes.
+    #[arg(long, value_name = "A-B", help_heading = FILM, value_parser = frames)]
+    pub(super) frames: Option<RangeInclusive<u32>>,
+    /// Frames a second [default: 24].
+    #[arg(long, value_name = "N", help_heading = FILM, value_parser = rate)]
+    pub(super) fps: Option<f64>,
+    /// Animation of the scene, by name or index [default: the first, and others that move other things].
+    #[arg(long, value_name = "NAME|INDEX", help_heading = FILM, requires = "frames")]
+    pub(super) animation: Option<String>,
+    /// Turn the camera once around the scene in N frames, or around --look-at.
+    ///
+    /// Frame 1 is where it begins, frame N a step before it is there again.
+    #[arg(long, value_name = "N", help_heading = FILM, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(super) turntable: Option<u32>,
+    /// Move the camera through positions by key times.
+    ///
+    /// The file has a table [[key]] for each, with time (seconds), eye and look_at (metres) and fov (degrees).
+    #[arg(long, value_name = "FILE.toml", help_heading = FILM, hide_short_help = true, requires = "frames", conflicts_with_all = ["turntable", "camera", "eye"])]
+    pub(super) camera_path: Option<PathBuf>,
+}
+
 #[derive(clap::Args)]
 pub(super) struct Render {
     #[command(flatten)]
@@ -240,9 +268,14 @@ pub(super) struct Render {
     /// Refresh the pictures of --method path this often while it runs [default: 10s].
     #[arg(long, value_name = "TIME", help_heading = OUTPUT, hide_short_help = true, allow_hyphen_values = true, value_parser = duration)]
     pub(super) preview: Option<Duration>,
-    /// Go on from a picture that --method path wrote, to the same bits as without a break.
-    #[arg(long, value_name = "FILE.exr", help_heading = OUTPUT, hide_short_help = true, conflicts_with = "repeat")]
-    pub(super) resume: Option<PathBuf>,
+    /// Go on from a picture that --method path wrote, or leave out frames that are there.
+    ///
+    /// FILE.exr is gone on from to the same bits as without a break. With --frames there is no file: frames are left out whose
+    /// pictures are of the same scene, camera, settings and backend.
+    #[arg(long, value_name = "FILE.exr", help_heading = OUTPUT, hide_short_help = true, num_args = 0..=1, conflicts_with = "repeat")]
+    pub(super) resume: Option<Option<PathBuf>>,
+    #[command(flatten)]
+    pub(super) film: Film,
     /// Write device, scene, settings, times, rays and memory as JSON.
     #[arg(long, value_name = "FILE.json", help_heading = OUTPUT)]
     pub(super) stats: Option<PathBuf>,
@@ -251,6 +284,13 @@ pub(super) struct Render {
     /// `parhelion graph` shows the names.
     #[arg(long, value_name = "PASS:RESOURCE=FILE.exr", help_heading = OUTPUT, hide_short_help = true, value_parser = tap)]
     pub(super) tap: Vec<(String, PathBuf)>,
+}
+
+impl Render {
+    /// The picture that is gone on from.
+    pub(super) fn resumed(&self) -> Option<&Path> {
+        self.resume.as_ref()?.as_deref()
+    }
 }
 
 /// What an option sets: its word, its key and, where it is given, its value.
@@ -600,6 +640,23 @@ fn aov(text: &str) -> Result<Aov, String> {
         let names: Vec<_> = Aov::ALL.iter().map(|aov| aov.name()).collect();
         format!("there are {}", names.join(", "))
     })
+}
+
+fn frames(text: &str) -> Result<RangeInclusive<u32>, String> {
+    let expected = || "expected a frame, such as 17, or two, such as 1-240, the first no later".to_owned();
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let [first, last] =
+        [first, last].map(|word| word.parse::<u32>().ok().filter(|&frame| frame <= 100_000_000));
+    first
+        .zip(last)
+        .filter(|(first, last)| first <= last)
+        .map(|(first, last)| first..=last)
+        .ok_or_else(expected)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let parsed = text.parse().ok().filter(|rate: &f64| (1e-3..=1e6).contains(rate));
+    parsed.ok_or_else(|| "expected a number of frames a second, such as 24".into())
 }
 
 fn duration(text: &str) -> Result<Duration, String> {

@@ -16,7 +16,7 @@ pub(super) fn run(args: &args::Graph) -> Result<(), Failure> {
         output::check_writable(file).map_err(Failure::input)?;
     }
     let config = args.settings.with(&[("--method", "method", args.method.clone())])?;
-    let scene = scene::read(&args.file)?;
+    let scene = scene::read(&args.file, false)?;
     let plan = renderer::plan(&scene, &config, &[], &Typical)?;
     match kind {
         None => print(&plan.dot(&[])),

@@ -16,6 +16,7 @@ mod progress;
 mod render;
 mod report;
 mod scene;
+mod sequence;
 mod settings;
 mod stats;
 mod stress;

@@ -85,6 +85,13 @@ impl Reporter {
         }
     }
 
+    /// Ends what is shown.
+    pub(super) fn clear(&self) {
+        if let Some(bar) = BAR.get() {
+            bar.finish_and_clear();
+        }
+    }
+
     /// Says, even to a user who wants errors only, what makes a result doubtful.
     pub(super) fn warning(&self, warning: &str) {
         match self.json {
@@ -105,9 +112,7 @@ impl Reporter {
 
 impl Drop for Reporter {
     fn drop(&mut self) {
-        if let Some(bar) = BAR.get() {
-            bar.finish_and_clear();
-        }
+        self.clear();
     }
 }
 

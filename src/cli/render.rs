@@ -1,69 +1,80 @@
 //! `parhelion render`.
 
 use super::args::Render;
+use super::choose::{self, Chosen};
 use super::failure::{Failure, input};
 use super::print::print;
 use super::progress::Reporter;
+use super::sequence::{Files, Sequence};
 use super::settings::settings;
 use super::stats::stats;
 use super::table::table;
-use super::{choose, economy, interrupt, scene};
+use super::{economy, interrupt, scene};
+use crate::chart::choose::Wish;
 use crate::config::RenderConfig;
 use crate::denoise::Denoiser;
 use crate::output::{self, extension};
 use crate::picture::{self, Origin};
 use crate::renderer::{self, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume};
-use crate::scene::{Environment, SceneProfile};
+use crate::scene::{Camera, Environment, Scene, SceneProfile};
 use crate::text;
 use crate::vk::DeviceKind;
 use glam::Vec3;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// What all pictures of a command have in common.
+struct Job<'a> {
+    args: &'a Render,
+    denoiser: Option<Denoiser>,
+    reporter: Reporter,
+    name: String,
+}
+
+/// What came of a picture.
+struct Drawn {
+    report: String,
+    /// What went wrong when it was there.
+    failed: Option<renderer::Error>,
+    /// It has fewer samples than it should.
+    cut: bool,
+}
 
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
-    let mut config = settings(args)?;
+    let config = settings(args)?;
     let wish = choose::wish(args)?;
     if wish.is_none() {
         config.method.check_layers(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
     }
     let denoiser = denoiser(args)?;
-    let outputs = outputs(args)?;
+    let sequence = Sequence::of(args)?;
+    let files = files(args, sequence.as_ref())?;
     interrupt::listen()?;
-    let reporter = Reporter::new(&args.machine);
+    let job = Job { args, denoiser, reporter: Reporter::new(&args.machine), name: scene::name(&args.common) };
 
-    let name = scene::name(&args.common);
-    let roughness = config.whitted.mirror_roughness;
-    let (scene, camera) = scene::load(&args.common, &reporter)?;
-    let profile = SceneProfile::of(&scene, roughness);
-
+    let (scene, camera) = scene::load_with(&args.common, sequence.is_some(), &job.reporter)?;
     let options =
         RendererOptions { backend: args.machine.backend.into(), visibility: config.indirect.visibility };
-    let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &reporter)?;
-    let chosen = match wish {
-        Some(wish) => {
-            let chosen = choose::chosen(args, wish, &config, &mut renderer, &camera, &reporter)?;
-            config = chosen.config.clone();
-            config.method.check_layers(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
-            Some(chosen)
-        }
-        None => None,
-    };
-    let left_out = (config.method.left_out)(&profile, &config);
-    left_out.iter().for_each(|line| reporter.note(line));
+    if let Some(sequence) = sequence {
+        return job.film(&sequence, &scene, config, wish, &files, &options);
+    }
+    let mut renderer = scene::renderer(scene, &args.common, &args.machine, &options, &job.reporter)?;
+    let (config, chosen) = job.chosen(config, wish, &mut renderer, &camera)?;
+    let profile = renderer.profile(config.whitted.mirror_roughness);
+    (config.method.left_out)(&profile, &config).iter().for_each(|line| job.reporter.note(line));
 
     let origin = Origin::of(&renderer, &camera);
     let halves = args.noise.is_some() || args.aov.iter().any(|aov| aov.takes_halves());
-    let resume = args.resume.as_deref().map(|file| Resume::read(file, &config, &origin, halves));
+    let resume = args.resumed().map(|file| Resume::read(file, &config, &origin, halves));
     let resume = resume.transpose().map_err(|error| input!("--resume: {error}"))?;
 
     interrupt::heeded();
-    reporter.stage("render", &name);
-    let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
-    let progress = |progress: renderer::Progress<'_>| reporter.progress(progress);
+    job.reporter.stage("render", &job.name);
+    let progress = |progress: renderer::Progress<'_>| job.reporter.progress(progress);
     // What can't be written shows when the last picture is. A pipe would hold one behind the other.
-    let replaced: Vec<_> = outputs.iter().filter(|file| !output::is_stream(file)).collect();
+    let replaced: Vec<_> = files.pictures.iter().filter(|file| !output::is_stream(file)).collect();
     let show = |frame: &Frame| {
         for file in &replaced {
             if let Err(error) = picture::write(file, &origin, &config, frame) {
@@ -71,131 +82,271 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
             }
         }
     };
-    let request = FrameRequest {
-        aovs: &args.aov,
-        taps: &taps,
-        // A budget is of warm frames.
-        repeat: args.repeat.unwrap_or(u32::from(chosen.is_some())),
-        time: args.time,
-        noise: args.noise,
-        resume: resume.as_ref(),
-        denoiser: denoiser.as_ref(),
-        // Times are of renders that nothing interrupts.
-        preview: (args.repeat.is_none() && chosen.is_none())
-            .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show }),
-        cancel: Some(&interrupt::CANCEL),
-        progress: Some(&progress),
-        ..FrameRequest::default()
-    };
-    let frame = renderer.render(&config, &camera, &request)?;
-    interrupt::finishing();
+    // Times are of renders that nothing interrupts.
+    let preview = (args.repeat.is_none() && chosen.is_none())
+        .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show });
+    let watch = Watch { alone: true, resume: resume.as_ref(), preview, progress: &progress };
+    let drawn = job.draw(&mut renderer, &camera, &config, chosen.as_ref(), &files, &watch)?;
+    let Job { reporter, .. } = job;
+    drop(reporter);
+    if !args.machine.quiet {
+        print(&drawn.report)?;
+    }
+    match drawn {
+        Drawn { failed: Some(error), .. } => Err(error.into()),
+        // A progressive picture that was cut short is written, and is no success.
+        Drawn { cut: true, .. } => Err(renderer::Error::Cancelled.into()),
+        _ => Ok(()),
+    }
+}
 
-    reporter.stage("write", &name);
-    let mut written = String::new();
-    for file in &outputs {
-        if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
-            return Err(renderer::Error::Cancelled.into());
+/// How a picture comes about.
+struct Watch<'a> {
+    /// No other picture is behind it.
+    alone: bool,
+    resume: Option<&'a Resume>,
+    preview: Option<Preview<'a>>,
+    progress: &'a dyn Fn(renderer::Progress<'_>),
+}
+
+impl Job<'_> {
+    /// The settings of a wish, if there is one.
+    fn chosen(
+        &self,
+        config: RenderConfig,
+        wish: Option<Wish>,
+        renderer: &mut Renderer,
+        camera: &Camera,
+    ) -> Result<(RenderConfig, Option<Chosen>), Failure> {
+        let Some(wish) = wish else { return Ok((config, None)) };
+        let chosen = choose::chosen(self.args, wish, &config, renderer, camera, &self.reporter)?;
+        let config = chosen.config.clone();
+        config.method.check_layers(&config, &self.args.aov).map_err(|error| input!("--aov: {error}"))?;
+        Ok((config, Some(chosen)))
+    }
+
+    /// Draws frame by frame, each by a renderer of its own.
+    fn film(
+        &self,
+        sequence: &Sequence,
+        base: &Scene,
+        mut config: RenderConfig,
+        mut wish: Option<Wish>,
+        files: &Files,
+        options: &RendererOptions,
+    ) -> Result<(), Failure> {
+        let (args, reporter) = (self.args, &self.reporter);
+        let clips = Sequence::clips(args, base, reporter)?;
+        if base.motion.is_none() && sequence.is_timed() {
+            reporter.note("nothing moves in the scene: it has no animation that can be played");
         }
-        picture::write(file, &origin, &config, &frame)?;
-        let what = content(file, &config, &frame);
-        let _ = writeln!(written, "{}: {what}, {}", text::path(file), extent(&config));
-    }
-    for ((tap, layer), (_, file)) in frame.taps.iter().zip(&args.tap) {
-        output::write_exr(file, &picture::tapped(tap, layer))?;
-        let _ =
-            writeln!(written, "{}: {}, {}x{}", text::path(file), text::line(tap), layer.width, layer.height);
-    }
-
-    // What is asked of the device from here on may be given up: the pictures are there, and are told of.
-    interrupt::heeded();
-    let mut failed = None;
-    let mut seen = None;
-    if frame.path_count.is_some() && !interrupt::CANCEL.load(Ordering::SeqCst) {
-        match renderer.paths_seen(&config, &camera) {
-            Ok(share) => seen = share,
-            Err(error) => failed = Some(error),
+        if sequence.count() > 1 && config.tone_map.exposure.is_none() && files.shows_screens() {
+            reporter.note("each .png has an exposure of its own: --exposure keeps brightness even");
         }
-    }
-    if let Some(line) = few_paths(&renderer, &profile, &frame, seen) {
-        reporter.note(&line);
+        let device = scene::device(&args.machine)?;
+        let count = sequence.count();
+        let (mut drawn, mut left_out): (Vec<f64>, usize) = (Vec::new(), 0);
+        let mut said = Vec::new();
+        let (mut last, mut kept) = (None, None::<Renderer>);
+        interrupt::heeded();
+        reporter.stage("render", &self.name);
+        for (index, frame) in sequence.frames.clone().enumerate() {
+            let begun = Instant::now();
+            if interrupt::CANCEL.load(Ordering::SeqCst) {
+                return Err(renderer::Error::Cancelled.into());
+            }
+            let (scene, camera) = sequence.shot(args, base, &clips, frame)?;
+            let of_frame = files.of_frame(frame);
+            let renderer = match &mut kept {
+                Some(renderer) => {
+                    renderer.set_scene(scene).map_err(|error| scene::unbuilt(&args.common, error))?;
+                    renderer
+                }
+                none => none.insert(scene::build(&device, scene, &args.common, options)?),
+            };
+            let mut chosen = None;
+            if wish.is_some() {
+                // All frames have the settings of the first.
+                (config, chosen) = self.chosen(config, wish.take(), renderer, &camera)?;
+            }
+            let origin = Origin::of(renderer, &camera);
+            let there = |file: &PathBuf| picture::is_of(file, &origin, &config, &args.aov);
+            if args.resume.is_some() && of_frame.pictures.iter().all(there) {
+                left_out += 1;
+                continue;
+            }
+            let profile = renderer.profile(config.whitted.mirror_roughness);
+            for line in (config.method.left_out)(&profile, &config) {
+                if !said.contains(&line) {
+                    reporter.note(&line);
+                    said.push(line);
+                }
+            }
+            let progress = |progress: renderer::Progress<'_>| {
+                let pass = format!("frame {frame}: {}", progress.pass);
+                let done = (index as f64 + progress.done) / count as f64;
+                reporter.progress(renderer::Progress { pass: &pass, done });
+            };
+            let watch = Watch { alone: false, resume: None, preview: None, progress: &progress };
+            let picture = self.draw(renderer, &camera, &config, chosen.as_ref(), &of_frame, &watch)?;
+            if let Some(error) = picture.failed {
+                return Err(error.into());
+            }
+            if picture.cut {
+                return Err(renderer::Error::Cancelled.into());
+            }
+            drawn.push(begun.elapsed().as_secs_f64());
+            interrupt::heeded();
+            last = Some(picture.report);
+        }
+        let mut report = last.unwrap_or_default();
+        let seconds: f64 = drawn.iter().sum();
+        let _ = writeln!(
+            report,
+            "frames: {} drawn in {seconds:.1} s, {left_out} left out: they are there",
+            drawn.len()
+        );
+        if !args.machine.quiet {
+            reporter.clear();
+            print(&report)?;
+        }
+        Ok(())
     }
 
-    let mut not_finite = NotFinite::of(&config, &frame);
-    if let Some(not_finite) = &mut not_finite {
-        if failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
-            match renderer.pass_not_finite(
-                &config,
-                &camera,
-                &frame,
-                not_finite.first,
-                Some(&interrupt::CANCEL),
-            ) {
-                Ok(pass) => not_finite.pass = pass,
-                Err(renderer::Error::Cancelled) => {}
+    /// Draws a picture and writes what is asked for of it.
+    fn draw(
+        &self,
+        renderer: &mut Renderer,
+        camera: &Camera,
+        config: &RenderConfig,
+        chosen: Option<&Chosen>,
+        files: &Files,
+        watch: &Watch<'_>,
+    ) -> Result<Drawn, Failure> {
+        let Self { args, reporter, name, .. } = self;
+        let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
+        let origin = Origin::of(renderer, camera);
+        let profile = renderer.profile(config.whitted.mirror_roughness);
+        let left_out = (config.method.left_out)(&profile, config);
+        let request = FrameRequest {
+            aovs: &args.aov,
+            taps: &taps,
+            // A budget is of warm frames.
+            repeat: args.repeat.unwrap_or(u32::from(chosen.is_some())),
+            time: args.time,
+            noise: args.noise,
+            resume: watch.resume,
+            denoiser: self.denoiser.as_ref(),
+            preview: watch.preview,
+            cancel: Some(&interrupt::CANCEL),
+            progress: Some(watch.progress),
+            ..FrameRequest::default()
+        };
+        let frame = renderer.render(config, camera, &request)?;
+        interrupt::finishing();
+
+        if watch.alone {
+            reporter.stage("write", name);
+        }
+        let mut written = String::new();
+        for file in &files.pictures {
+            if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
+                return Err(renderer::Error::Cancelled.into());
+            }
+            picture::write(file, &origin, config, &frame)?;
+            let what = content(file, config, &frame);
+            let _ = writeln!(written, "{}: {what}, {}", text::path(file), extent(config));
+        }
+        for ((tap, layer), file) in frame.taps.iter().zip(&files.taps) {
+            output::write_exr(file, &picture::tapped(tap, layer))?;
+            let (width, height) = (layer.width, layer.height);
+            let _ = writeln!(written, "{}: {}, {width}x{height}", text::path(file), text::line(tap));
+        }
+
+        // What is asked of the device from here on may be given up: the pictures are there, and are told of.
+        interrupt::heeded();
+        let mut failed = None;
+        let mut seen = None;
+        if frame.path_count.is_some() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+            match renderer.paths_seen(config, camera) {
+                Ok(share) => seen = share,
                 Err(error) => failed = Some(error),
             }
         }
-        reporter.warning(&not_finite.line());
-    }
+        if let Some(line) = few_paths(renderer, &profile, &frame, seen) {
+            reporter.note(&line);
+        }
 
-    let mut report = header(&config, &renderer, &profile, &frame, seen);
-    if args.explain {
-        for line in profile.explain() {
-            let _ = writeln!(report, "left out: {line}");
-        }
-        for line in &left_out {
-            let _ = writeln!(report, "not modelled: {line}");
-        }
-        if config.indirect.boxes().is_none() {
-            let visibility = config.indirect.visibility.name();
-            let _ = writeln!(report, "left out: visibility {visibility}: no structure over triangles' boxes");
-        }
-    }
-    report.push_str(&table(&frame));
-    if let Some(chosen) = &chosen {
-        report.push_str(&chosen.report);
-        report.push_str(&chosen.outcome(&frame, &renderer, &camera));
-    }
-    report.push_str(&written);
-    let mut economy = None;
-    if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
-        reporter.stage("economy", &name);
-        match economy::measure(&mut renderer, &config, &camera, args.repeat, &progress) {
-            Ok(measured) => {
-                report.push_str(&measured.table());
-                economy = Some(measured);
+        let mut not_finite = NotFinite::of(config, &frame);
+        if let Some(not_finite) = &mut not_finite {
+            if failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+                match renderer.pass_not_finite(
+                    config,
+                    camera,
+                    &frame,
+                    not_finite.first,
+                    Some(&interrupt::CANCEL),
+                ) {
+                    Ok(pass) => not_finite.pass = pass,
+                    Err(renderer::Error::Cancelled) => {}
+                    Err(error) => failed = Some(error),
+                }
             }
-            Err(error) => failed = Some(error),
+            reporter.warning(&not_finite.line());
         }
+
+        let mut report = header(config, renderer, &profile, &frame, seen);
+        if args.explain {
+            for line in profile.explain() {
+                let _ = writeln!(report, "left out: {line}");
+            }
+            for line in &left_out {
+                let _ = writeln!(report, "not modelled: {line}");
+            }
+            if config.indirect.boxes().is_none() {
+                let visibility = config.indirect.visibility.name();
+                let _ =
+                    writeln!(report, "left out: visibility {visibility}: no structure over triangles' boxes");
+            }
+        }
+        report.push_str(&table(&frame));
+        if let Some(chosen) = chosen {
+            report.push_str(&chosen.report);
+            report.push_str(&chosen.outcome(&frame, renderer, camera));
+        }
+        report.push_str(&written);
+        let mut economy = None;
+        if args.explain && failed.is_none() && !interrupt::CANCEL.load(Ordering::SeqCst) {
+            reporter.stage("economy", name);
+            match economy::measure(renderer, config, camera, args.repeat, &watch.progress) {
+                Ok(measured) => {
+                    report.push_str(&measured.table());
+                    economy = Some(measured);
+                }
+                Err(error) => failed = Some(error),
+            }
+        }
+        interrupt::finishing();
+        if let Some(file) = &files.stats {
+            let stats = stats(
+                args,
+                config,
+                camera,
+                renderer,
+                &profile,
+                &frame,
+                seen,
+                not_finite.as_ref(),
+                &files.pictures,
+                economy.as_ref(),
+            );
+            output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
+            let _ = writeln!(report, "{}: statistics", text::path(file));
+        }
+        let target = config.method.progressive.map_or(0, |progressive| (progressive.samples)(config));
+        let cut = interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < target);
+        Ok(Drawn { report, failed, cut })
     }
-    interrupt::finishing();
-    if let Some(file) = &args.stats {
-        let stats = stats(
-            args,
-            &config,
-            &camera,
-            &renderer,
-            &profile,
-            &frame,
-            seen,
-            not_finite.as_ref(),
-            &outputs,
-            economy.as_ref(),
-        );
-        output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
-        let _ = writeln!(report, "{}: statistics", text::path(file));
-    }
-    drop(reporter);
-    if !args.machine.quiet {
-        print(&report)?;
-    }
-    if let Some(error) = failed {
-        return Err(error.into());
-    }
-    // A progressive picture that was cut short is written, and is no success.
-    let target = config.method.progressive.map_or(0, |progressive| (progressive.samples)(&config));
-    let cut = interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < target);
-    if cut { Err(renderer::Error::Cancelled.into()) } else { Ok(()) }
 }
 
 /// What a picture holds, in words.
@@ -227,7 +378,7 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
             "--denoise: --aov {name} is of the samples' mean, which a denoised picture is not"
         ));
     }
-    if args.resume.is_some() {
+    if args.resumed().is_some() {
         return Err(input!(
             "--denoise: not with --resume, which goes on with a reference: a denoised picture is none"
         ));
@@ -236,12 +387,12 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
     Ok(Some(Denoiser::load(path.as_deref())?))
 }
 
-/// Every picture to write, known to be writable before anything is computed.
-fn outputs(args: &Render) -> Result<Vec<PathBuf>, Failure> {
+/// Every file to write, known to be writable before anything is computed.
+fn files(args: &Render, sequence: Option<&Sequence>) -> Result<Files, Failure> {
     let mut pictures = args.output.clone();
     if pictures.is_empty() {
         let mut name = scene::stem(&args.common);
-        name.push(".png");
+        name.push(if sequence.is_some() { ".####.png" } else { ".png" });
         pictures.push(name.into());
     }
     for file in &pictures {
@@ -262,14 +413,20 @@ fn outputs(args: &Render) -> Result<Vec<PathBuf>, Failure> {
             return Err(input!("--tap: {}: taps are written as .exr", file.display()));
         }
     }
-    let files = pictures.iter().chain(args.tap.iter().map(|(_, file)| file)).chain(&args.stats);
-    for (index, file) in files.clone().enumerate() {
-        if files.clone().take(index).any(|earlier| earlier == file) {
+    let taps = args.tap.iter().map(|(_, file)| file.clone()).collect();
+    let files = Files { pictures, taps, stats: args.stats.clone() };
+    if let Some(sequence) = sequence {
+        sequence.check(&files)?;
+    }
+    let first = sequence.map(|sequence| files.of_frame(*sequence.frames.start()));
+    let first = first.as_ref().unwrap_or(&files);
+    for (index, file) in first.all().enumerate() {
+        if first.all().take(index).any(|earlier| earlier == file) {
             return Err(input!("{}: named twice", file.display()));
         }
         output::check_writable(file).map_err(Failure::input)?;
     }
-    Ok(pictures)
+    Ok(files)
 }
 
 /// With fewer paths than 1/(⅓)² a mean over them differs by more than a third from seed to seed.

@@ -25,6 +25,12 @@ pub(super) fn stem(args: &Common) -> OsString {
     scene.file_stem().unwrap_or(scene.as_os_str()).to_owned()
 }
 
+/// Opens the device asked for.
+pub(super) fn device(machine: &Machine) -> Result<vk::Device, Failure> {
+    let select = machine.device.clone();
+    Ok(vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?)
+}
+
 /// Opens the device asked for and makes what draws the scene there.
 pub(super) fn renderer(
     scene: Scene,
@@ -33,39 +39,63 @@ pub(super) fn renderer(
     options: &RendererOptions,
     reporter: &Reporter,
 ) -> Result<Renderer, Failure> {
-    let select = machine.device.clone();
-    let device = vk::Device::open(&DeviceOptions { select, ..DeviceOptions::default() })?;
-    let name = name(args);
-    reporter.stage("build", &name);
-    Renderer::new(&device, scene, options).map_err(|error| match error {
+    let device = device(machine)?;
+    reporter.stage("build", &name(args));
+    build(&device, scene, args, options)
+}
+
+/// Makes what draws the scene.
+pub(super) fn build(
+    device: &vk::Device,
+    scene: Scene,
+    args: &Common,
+    options: &RendererOptions,
+) -> Result<Renderer, Failure> {
+    Renderer::new(device, scene, options).map_err(|error| unbuilt(args, error))
+}
+
+/// Why a scene can't be drawn, by its name.
+pub(super) fn unbuilt(args: &Common, error: renderer::Error) -> Failure {
+    match error {
         renderer::Error::Structure(_) => {
+            let name = name(args);
             Failure { class: error.class(), error: anyhow::anyhow!("{name}: {error}") }
         }
         error => error.into(),
-    })
+    }
 }
 
 /// Loads the scene asked for, or the default room.
-pub(super) fn read(file: &SceneFile) -> Result<Scene, Failure> {
+pub(super) fn read(file: &SceneFile, motion: bool) -> Result<Scene, Failure> {
     let default = format!("builtin:{}", builtin::DEFAULT);
     let path = file.scene.as_deref().unwrap_or(Path::new(&default));
-    Ok(scene::load(path, &file.options())?)
+    Ok(scene::load(path, &LoadOptions { motion, ..file.options() })?)
 }
 
 impl SceneFile {
     pub(super) fn options(&self) -> LoadOptions {
-        LoadOptions { scene: self.which.clone(), strict: self.strict, roots: self.root.clone() }
+        let (scene, roots) = (self.which.clone(), self.root.clone());
+        LoadOptions { scene, strict: self.strict, roots, ..LoadOptions::default() }
     }
 }
 
 /// Loads the scene, lit, and finds the camera; says what the user should know of them.
 pub(super) fn load(args: &Common, reporter: &Reporter) -> Result<(Scene, Camera), Failure> {
+    load_with(args, false, reporter)
+}
+
+/// The same; the scene keeps what moves it, if it is to be in `motion`.
+pub(super) fn load_with(
+    args: &Common,
+    motion: bool,
+    reporter: &Reporter,
+) -> Result<(Scene, Camera), Failure> {
     let environment = match &args.environment {
         Some(word) => Some(environment(word, &args.file.options(), reporter)?),
         None => None,
     };
     reporter.stage("load", &name(args));
-    let mut scene = read(&args.file)?;
+    let mut scene = read(&args.file, motion)?;
     let camera = camera(args, &scene)?;
     if args.eye.is_some() {
         scene.notes.retain(|note| note != FRAMED);
@@ -100,7 +130,7 @@ fn environment(word: &str, options: &LoadOptions, reporter: &Reporter) -> Result
 }
 
 /// The camera asked for; the first otherwise, or one that frames a scene that has none.
-fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
+pub(super) fn camera(args: &Common, scene: &Scene) -> Result<Camera, Failure> {
     if let (Some(eye), Some(target)) = (args.eye, args.look_at) {
         let [eye, target] = [eye, target].map(|point| scene.local(point.into()));
         if eye == target {

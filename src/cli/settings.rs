@@ -93,7 +93,7 @@ pub(super) fn settings(args: &Render) -> Result<RenderConfig, Failure> {
         ("--time", args.time.is_some()),
         ("--noise", args.noise.is_some()),
         ("--preview", args.preview.is_some()),
-        ("--resume", args.resume.is_some()),
+        ("--resume", args.resumed().is_some()),
     ] {
         if given {
             used(option, |method, _| method.progressive.is_some())?;

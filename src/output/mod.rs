@@ -11,7 +11,7 @@ pub use file::{
     Sink, Writing, check_writable, discard_unfinished, extension, is_stream, write_file, writing,
 };
 pub use magma::magma;
-pub use png::write_png;
+pub use png::{read_png_texts, write_png};
 
 use crate::ErrorClass;
 use std::path::PathBuf;

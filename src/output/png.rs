@@ -24,6 +24,22 @@ pub fn write_png(file: &Path, width: u32, pixels: &[u8], texts: &[(&str, String)
     })
 }
 
+/// Keywords and values of a picture's text chunks. All of the picture is read, so that one cut short is told.
+///
+/// # Errors
+/// The file can't be read, or is no whole picture.
+pub fn read_png_texts(file: &Path) -> Result<Vec<(String, String)>, Error> {
+    let read = || {
+        let mut decoder = png::Decoder::new(io::BufReader::new(std::fs::File::open(file)?));
+        decoder.set_transformations(png::Transformations::IDENTITY);
+        let mut reader = decoder.read_info().map_err(io::Error::other)?;
+        while reader.next_row().map_err(io::Error::other)?.is_some() {}
+        let texts = &reader.info().uncompressed_latin1_text;
+        Ok(texts.iter().map(|chunk| (chunk.keyword.clone(), chunk.text.clone())).collect())
+    };
+    read().map_err(|source| Error { file: file.into(), source })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

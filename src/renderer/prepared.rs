@@ -29,6 +29,8 @@ pub struct Prepared {
     offset: DVec3,
     revision: u64,
     backend: Backend,
+    /// As for [`Structure::build`].
+    split: bool,
     reason: String,
     device: vk::Device,
 }
@@ -62,6 +64,7 @@ impl Clone for Prepared {
             offset: self.offset,
             revision: self.revision,
             backend: self.backend,
+            split: self.split,
             reason: self.reason.clone(),
             device: self.device.clone(),
         }
@@ -94,9 +97,19 @@ impl Prepared {
             profiles: Mutex::default(),
             revision: next_revision(),
             backend,
+            split,
             reason,
             device: device.clone(),
         })
+    }
+
+    /// Another scene in its place, on the same device and backend.
+    ///
+    /// # Errors
+    /// An invalid scene, too much geometry for the device, or too little memory.
+    pub(super) fn of_scene(&self, scene: Scene) -> Result<Self, Error> {
+        scene.validate()?;
+        Self::new(&self.device, scene, self.backend, self.reason.clone(), self.split)
     }
 
     /// The scene as it is now.

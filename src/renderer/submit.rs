@@ -8,7 +8,7 @@ use crate::config::{LightChoice, RenderConfig};
 use crate::gpu_scene::MOST_ASKED_LIGHTS;
 use crate::graph::{Executor, Graph, Run, RunOptions};
 use crate::sampling::pixel_offset;
-use crate::scene::{Camera, Light, View};
+use crate::scene::{Camera, Light, Scene, View};
 use crate::shaders::{self, COUNTER_LANES, RAY_COUNTERS};
 use crate::vk::{self, MemoryKind, SceneSet};
 use glam::Vec2;
@@ -51,6 +51,16 @@ impl Renderer {
     #[must_use]
     pub fn prepared(&self) -> &Arc<Prepared> {
         &self.prepared
+    }
+
+    /// Replaces the scene, such as by another [pose](crate::scene::Scene::pose): all of it is uploaded and built anew, for the
+    /// same backend; pipelines that serve it as well are kept. Where this fails nothing changes.
+    ///
+    /// # Errors
+    /// An invalid scene, too much geometry for the device, or too little memory.
+    pub fn set_scene(&mut self, scene: Scene) -> Result<Invalidated, Error> {
+        self.prepared = Arc::new(self.prepared.of_scene(scene)?);
+        Ok(Invalidated { pictures: true, pipelines: true, structures: true })
     }
 
     /// Replaces the lights; geometry, materials and structures stay as they are, and so does all else where this fails.

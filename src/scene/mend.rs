@@ -15,6 +15,8 @@ pub struct LoadOptions {
     pub strict: bool,
     /// Folders that files of the scene may lie in beside its own; nothing outside is read, whatever paths and links say.
     pub roots: Vec<PathBuf>,
+    /// Whether the scene keeps what its file's animations move, for [`Scene::pose`](super::Scene::pose).
+    pub motion: bool,
 }
 
 /// Defects that are mended, or, where a load is strict, errors.

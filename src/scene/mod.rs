@@ -15,7 +15,9 @@ mod limits;
 mod material;
 mod mend;
 mod mesh;
+mod motion;
 mod origin;
+mod path;
 mod profile;
 mod slab;
 mod tangent;
@@ -45,6 +47,11 @@ pub use material::{
 pub(crate) use material::{TextureUse, srgb_to_linear};
 pub use mend::LoadOptions;
 pub use mesh::{Instance, Mesh};
+pub use motion::{
+    CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, Motion, NodeProperty,
+    Target, Track,
+};
+pub use path::{CameraKey, CameraPath};
 pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;
 pub use world::Scene;

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 const FAR: f64 = 64.0;
 
 /// The points that a scene's numbers are better taken from.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Around {
     /// In the world (m): the scene's centre, or 0.
     pub(super) origin: DVec3,

@@ -1,8 +1,9 @@
 //! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
-use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh};
+use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh, Motion};
 use glam::{DVec3, Vec3};
 use std::f32::consts::{FRAC_PI_4, PI};
+use std::sync::Arc;
 
 /// A scene as loaded or made in code. Indices between its parts are checked by [`Scene::validate`].
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
+    /// What moves it, where the loader was asked for that.
+    pub motion: Option<Arc<Motion>>,
     /// What the loader left out or assumed, one sentence each, to be shown once.
     pub notes: Vec<String>,
 }
@@ -60,7 +63,12 @@ impl Scene {
     /// above and the right, in any picture at least as wide as high.
     #[must_use]
     pub fn frame_camera(&self) -> Camera {
-        let (low, high) = self.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
+        Self::framing(self.bounds())
+    }
+
+    /// The same of what lies within bounds.
+    pub(super) fn framing(bounds: Option<(Vec3, Vec3)>) -> Camera {
+        let (low, high) = bounds.unwrap_or((-Vec3::ONE, Vec3::ONE));
         let radius = 0.5 * (high - low).length();
         let distance = 1.02 * radius / (0.5 * FRAC_PI_4).sin();
         let center = low.midpoint(high);

@@ -7,6 +7,8 @@
 // Every test binary has its own copy and none uses all of it.
 #![allow(dead_code)]
 
+pub(crate) mod asset;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};

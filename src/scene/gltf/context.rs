@@ -1,6 +1,7 @@
 use crate::memory::{Budget, Shortage};
 use crate::scene::file::Files;
 use crate::scene::mend::Mended;
+use crate::scene::motion::Clip;
 use crate::scene::{Fault, SceneError};
 use ::gltf::json;
 use std::borrow::Cow;
@@ -22,6 +23,8 @@ pub(super) struct Context<'a> {
     pub(super) read: &'a [Cell<bool>],
     /// Vertex attributes may have the types of `KHR_mesh_quantization`.
     pub(super) quantized: bool,
+    /// Animations, where the scene keeps what moves it.
+    pub(super) clips: Vec<Clip>,
     /// Of the machine's memory.
     pub(super) budget: &'a RefCell<Budget>,
 }

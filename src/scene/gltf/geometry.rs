@@ -1,17 +1,17 @@
-//! Meshes: triangle primitives merged into one [`Mesh`], in the pose their default weights give.
+//! Meshes: triangle primitives merged into one [`Mesh`], and what morphs and skins it.
 
 use super::accessor::Elements;
 use super::context::Context;
-use super::skin::{self, Skin};
+use super::skin::Skin;
 use crate::memory::Shortage;
 use crate::scene::import::unit_normal;
 use crate::scene::limits::{MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES};
+use crate::scene::motion::shape::{MorphTarget, Shape};
 use crate::scene::{Mesh, SceneError};
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
-use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::ops::Range;
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// What all meshes read so far amount to and lack.
 #[derive(Default)]
@@ -41,14 +41,8 @@ pub(super) struct Pose<'a> {
     /// What positions are relative to: in the mesh's space, or in the world where it has a skin.
     pub(super) origin: DVec3,
     pub(super) skin: Option<&'a Skin>,
-}
-
-/// What moves a primitive's vertices.
-struct Motion<'a> {
-    weights: &'a [f32],
-    origin: DVec3,
-    /// One a vertex in use, to the world, where there is a skin.
-    blend: Option<&'a [DAffine3]>,
+    /// Targets without weight may get one.
+    pub(super) every_target: bool,
 }
 
 /// Which component types an attribute may have, by what `KHR_mesh_quantization` allows beyond glTF itself.
@@ -110,31 +104,57 @@ fn triangles(mode: Mode, corners: &[u32]) -> (Vec<[u32; 3]>, usize) {
 impl Context<'_> {
     /// Reads mesh `index`. Triangles without a material get the one behind the file's last.
     pub(super) fn mesh(&self, index: usize, pose: &Pose<'_>, tally: &mut Tally) -> Result<Mesh, SceneError> {
+        let shape = self.shape(index, pose, tally)?;
+        self.posed(index, shape, pose)
+    }
+
+    /// A shape of mesh `index` as it is posed at rest.
+    pub(super) fn posed(&self, index: usize, shape: Shape, pose: &Pose<'_>) -> Result<Mesh, SceneError> {
+        let joints = pose.skin.map_or(&[][..], |skin| &skin.joints);
+        shape.posed(self.weights(index, pose), joints, pose.origin).map_err(|vertex| {
+            self.error(format!("meshes[{index}]"), format!("vertex {vertex} of its pose is not finite"))
+        })
+    }
+
+    /// Weights of morph targets at rest.
+    pub(super) fn weights<'a>(&'a self, index: usize, pose: &Pose<'a>) -> &'a [f32] {
+        pose.weights.or(self.root.meshes[index].weights.as_deref()).unwrap_or(&[])
+    }
+
+    /// Reads mesh `index` before it is posed.
+    pub(super) fn shape(
+        &self,
+        index: usize,
+        pose: &Pose<'_>,
+        tally: &mut Tally,
+    ) -> Result<Shape, SceneError> {
         let source = &self.root.meshes[index];
-        let mut mesh =
-            Mesh { name: source.name.clone().unwrap_or_else(|| format!("mesh {index}")), ..Mesh::default() };
-        let weights = pose.weights.or(source.weights.as_deref()).unwrap_or(&[]);
+        let name = source.name.clone().unwrap_or_else(|| format!("mesh {index}"));
+        let mut shape = Shape { base: Mesh { name, ..Mesh::default() }, ..Shape::default() };
+        let weights = self.weights(index, pose);
         if !weights.iter().all(|w| w.is_finite()) {
             return Err(self.error(format!("meshes[{index}]"), "a morph weight is not finite"));
         }
         tally.morphed += usize::from(source.primitives.iter().any(|p| p.targets.is_some()));
         for (i, primitive) in source.primitives.iter().enumerate() {
             let element = format!("meshes[{index}].primitives[{i}]");
-            let (budget, vertices, triangles) =
-                (*self.budget.borrow(), mesh.positions.len(), mesh.triangles.len());
-            self.primitive(&mut mesh, primitive, &element, (weights, pose), tally)?;
+            let budget = *self.budget.borrow();
+            let before = bytes(&shape);
+            self.primitive(&mut shape, primitive, &element, (weights, pose), tally)?;
             // What was read on the way is gone.
             self.budget.replace(budget);
-            let triangle = size_of::<([u32; 3], u32)>()
-                + if mesh.tangents.is_empty() { 0 } else { size_of::<[Vec4; 3]>() };
-            let bytes =
-                (mesh.positions.len() - vertices) * VERTEX + (mesh.triangles.len() - triangles) * triangle;
-            self.take::<u8>(bytes).map_err(|shortage| self.fault(element, shortage))?;
+            self.take::<u8>(bytes(&shape) - before).map_err(|shortage| self.fault(element, shortage))?;
         }
-        if !mesh.tangents.is_empty() {
-            mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
+        let Shape { base, targets, .. } = &mut shape;
+        if !base.tangents.is_empty() {
+            base.tangents.resize(base.triangles.len(), [Vec4::ZERO; 3]);
         }
-        Ok(mesh)
+        for values in targets.iter_mut().flat_map(|target| [&mut target.positions, &mut target.normals]) {
+            if !values.is_empty() {
+                values.resize(base.positions.len(), Vec3::ZERO);
+            }
+        }
+        Ok(shape)
     }
 
     /// Takes what mesh `index` needs at the least: vertices that indices leave out are not known yet.
@@ -182,7 +202,7 @@ impl Context<'_> {
 
     fn primitive(
         &self,
-        mesh: &mut Mesh,
+        shape: &mut Shape,
         primitive: &Primitive,
         element: &str,
         (weights, pose): (&[f32], &Pose<'_>),
@@ -222,7 +242,7 @@ impl Context<'_> {
         }
         let corners = self.corners(indices.as_ref(), element, vertices)?;
         let made = count(mode, corners.len());
-        if mesh.triangles.len() + made > MAX_TRIANGLES {
+        if shape.base.triangles.len() + made > MAX_TRIANGLES {
             return Err(self.error(element, format!("more than {MAX_TRIANGLES} triangles up to here")));
         }
         self.take::<[[u32; 3]; 2]>(made).map_err(short)?;
@@ -235,35 +255,30 @@ impl Context<'_> {
         if tally.vertices > MAX_VERTICES {
             return Err(self.error(element, format!("more than {MAX_VERTICES} vertices up to here")));
         }
-        let blend = pose.skin.map(|skin| self.blend(primitive, element, skin, &used)).transpose()?;
-        let blend = blend.as_deref();
-        for triangle in &mut triangles {
-            // What was the front stays it.
-            if blend.is_some_and(|blend| skin::mirrors(&blend[triangle[0] as usize]) < 0.0) {
-                triangle.swap(1, 2);
-            }
+        let base = shape.base.positions.len() as u32;
+        self.append(&mut shape.base, primitive, element, &used)?;
+        self.morphs(shape, primitive, element, (weights, pose.every_target), &used)?;
+        if let Some(skin) = pose.skin {
+            self.influences(shape.influences.get_or_insert_default(), primitive, element, skin, &used)?;
         }
-        let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
-        let base = mesh.positions.len() as u32;
-        let motion = Motion { weights, origin: pose.origin, blend };
-        self.append(mesh, primitive, element, &motion, &used)?;
-        if let Some(tangents) = self.tangents(primitive, element, blend, &used)? {
+        let mesh = &mut shape.base;
+        if let Some(tangents) = self.tangents(primitive, element, &used)? {
             self.take::<[Vec4; 3]>(triangles.len()).map_err(short)?;
             mesh.tangents.resize(mesh.triangles.len(), [Vec4::ZERO; 3]);
             mesh.tangents.extend(triangles.iter().map(|t| t.map(|v| tangents[v as usize])));
         }
         mesh.triangles.extend(triangles.iter().map(|t| t.map(|v| v + base)));
+        let material = primitive.material.map_or(self.root.materials.len(), |m| m.value()) as u32;
         mesh.materials.resize(mesh.triangles.len(), material);
         Ok(())
     }
 
-    /// Tangents of the `used` vertices, before any morph, where the material needs them. The standard wants them
-    /// ignored where there are no normals.
+    /// Tangents of the `used` vertices where the material needs them. The standard wants them ignored where there are no
+    /// normals.
     fn tangents(
         &self,
         primitive: &Primitive,
         element: &str,
-        blend: Option<&[DAffine3]>,
         used: &[u32],
     ) -> Result<Option<Vec<Vec4>>, SceneError> {
         let mapped = primitive.material.is_some_and(|material| self.is_normal_mapped(material.value()));
@@ -272,19 +287,14 @@ impl Context<'_> {
         let normals = primitive.attributes.contains_key(&Checked::Valid(Semantic::Normals));
         let Some(tangents) = found.filter(|_| mapped && normals) else { return Ok(None) };
         let values = tangents.floats::<4>(first as usize..last as usize + 1)?;
-        let tangent = |(i, &v): (usize, &u32)| {
-            let [x, y, z, mut w] = values[(v - first) as usize];
-            let mut tangent = unit_normal(Vec3::new(x, y, z));
-            if let Some(blend) = blend.map(|blend| &blend[i]) {
-                tangent = skin::turned(blend, tangent.as_dvec3(), true).as_vec3();
-                w *= skin::mirrors(blend) as f32;
-            }
-            match tangent {
+        let tangent = |&v: &u32| {
+            let [x, y, z, w] = values[(v - first) as usize];
+            match unit_normal(Vec3::new(x, y, z)) {
                 Vec3::ZERO => Vec4::ZERO,
                 unit => unit.extend(1.0_f32.copysign(w)),
             }
         };
-        Ok(Some(used.iter().enumerate().map(tangent).collect()))
+        Ok(Some(used.iter().map(tangent).collect()))
     }
 
     /// Elements of an attribute, checked for type.
@@ -385,7 +395,6 @@ impl Context<'_> {
         mesh: &mut Mesh,
         primitive: &Primitive,
         element: &str,
-        motion: &Motion<'_>,
         used: &[u32],
     ) -> Result<(), SceneError> {
         let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
@@ -395,23 +404,15 @@ impl Context<'_> {
         let pick = |v: u32| v as usize - range.start;
         self.take::<u8>(used.len() * VERTEX).map_err(|shortage| self.fault(element, shortage))?;
 
-        let Motion { weights, origin, blend } = *motion;
-        let posed =
-            |semantic, origin| self.posed(primitive, element, (weights, origin), semantic, range.clone());
-        let origin_of_posed = if blend.is_some() { DVec3::ZERO } else { origin };
-        let positions = posed(Semantic::Positions, origin_of_posed)?.unwrap_or_default();
-        let position = |(i, &v): (usize, &u32)| match blend {
-            Some(blend) => (blend[i].transform_point3(positions[pick(v)].as_dvec3()) - origin).as_vec3(),
-            None => positions[pick(v)],
+        let read = |semantic| match self.attribute(primitive, element, semantic)? {
+            Some(elements) => elements.floats::<3>(range.clone()).map(Some),
+            None => Ok(None),
         };
-        mesh.positions.extend(used.iter().enumerate().map(position));
-        if let Some(normals) = posed(Semantic::Normals, DVec3::ZERO)? {
-            let normal = |(i, &v): (usize, &u32)| match blend {
-                Some(blend) => skin::turned(&blend[i], normals[pick(v)].as_dvec3(), false).as_vec3(),
-                None => unit_normal(normals[pick(v)]),
-            };
+        let positions = read(Semantic::Positions)?.unwrap_or_default();
+        mesh.positions.extend(used.iter().map(|&v| Vec3::from(positions[pick(v)])));
+        if let Some(normals) = read(Semantic::Normals)? {
             mesh.normals.resize(base, Vec3::ZERO);
-            mesh.normals.extend(used.iter().enumerate().map(normal));
+            mesh.normals.extend(used.iter().map(|&v| Vec3::from(normals[pick(v)])));
         } else if !mesh.normals.is_empty() {
             mesh.normals.resize(total, Vec3::ZERO);
         }
@@ -446,41 +447,52 @@ impl Context<'_> {
         Ok(())
     }
 
-    /// Positions or normals, relative to `origin`, with the weighted sum of morph targets added.
-    fn posed(
+    /// Appends what morph targets add to the `used` vertices: those with a weight, or every one.
+    fn morphs(
         &self,
+        shape: &mut Shape,
         primitive: &Primitive,
         element: &str,
-        (weights, origin): (&[f32], DVec3),
-        semantic: Semantic,
-        range: Range<usize>,
-    ) -> Result<Option<Vec<Vec3>>, SceneError> {
-        let Some(base) = self.attribute(primitive, element, semantic.clone())? else { return Ok(None) };
-        self.take::<(Vec3, DVec3)>(range.len()).map_err(|shortage| self.fault(element, shortage))?;
-        let mut values: Vec<Vec3> = base.floats::<3>(range.clone())?.into_iter().map(Vec3::from).collect();
-        let relative = if origin == DVec3::ZERO { &[] } else { &values[..] };
-        let mut relative: Vec<DVec3> = relative.iter().map(|value| value.as_dvec3() - origin).collect();
-        let targets = primitive.targets.as_deref().unwrap_or(&[]);
-        for (i, (target, &weight)) in targets.iter().zip(weights).enumerate() {
-            let accessor = if semantic == Semantic::Positions { target.positions } else { target.normals };
-            let Some(accessor) = accessor.filter(|_| weight != 0.0) else { continue };
-            let deltas = self.typed(accessor.value(), &format!("{element}.targets[{i}]"), &semantic)?;
-            let budget = *self.budget.borrow();
-            let deltas = deltas.floats::<3>(range.clone())?;
-            self.budget.replace(budget);
-            for (value, &delta) in values.iter_mut().zip(&deltas) {
-                *value += weight * Vec3::from(delta);
+        (weights, every): (&[f32], bool),
+        used: &[u32],
+    ) -> Result<(), SceneError> {
+        let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
+        let range = first as usize..last as usize + 1;
+        let base = shape.base.positions.len() - used.len();
+        let normals = primitive.attributes.contains_key(&Checked::Valid(Semantic::Normals));
+        for (i, source) in primitive.targets.iter().flatten().enumerate() {
+            if shape.targets.len() == i {
+                shape.targets.push(MorphTarget::default());
             }
-            for (value, &delta) in relative.iter_mut().zip(&deltas) {
-                *value += f64::from(weight) * Vec3::from(delta).as_dvec3();
+            if !every && weights.get(i).is_none_or(|&weight| weight == 0.0) {
+                continue;
+            }
+            let target = &mut shape.targets[i];
+            for (semantic, accessor, values) in [
+                (Semantic::Positions, source.positions, &mut target.positions),
+                (Semantic::Normals, source.normals.filter(|_| normals), &mut target.normals),
+            ] {
+                let Some(accessor) = accessor else { continue };
+                let deltas = self.typed(accessor.value(), &format!("{element}.targets[{i}]"), &semantic)?;
+                let deltas = deltas.floats::<3>(range.clone())?;
+                values.resize(base, Vec3::ZERO);
+                values.extend(used.iter().map(|&v| Vec3::from(deltas[v as usize - range.start])));
             }
         }
-        match values.iter().position(|v| !v.is_finite()) {
-            None if relative.is_empty() => Ok(Some(values)),
-            None => Ok(Some(relative.into_iter().map(|value| value.as_vec3()).collect())),
-            Some(i) => Err(self.error(element, format!("morphed vertex {} is not finite", range.start + i))),
-        }
+        Ok(())
     }
+}
+
+/// Bytes that a shape takes.
+fn bytes(shape: &Shape) -> usize {
+    let Shape { base, targets, influences } = shape;
+    let triangle =
+        size_of::<([u32; 3], u32)>() + if base.tangents.is_empty() { 0 } else { size_of::<[Vec4; 3]>() };
+    let deltas = targets.iter().map(|target| target.positions.len() + target.normals.len()).sum::<usize>();
+    base.positions.len() * VERTEX
+        + base.triangles.len() * triangle
+        + deltas * size_of::<Vec3>()
+        + influences.as_ref().map_or(0, |all| all.ends.len() * 4 + all.of.len() * size_of::<(u32, f32)>())
 }
 
 /// Renumbers `triangles` by the vertices they use, which are returned in increasing order.

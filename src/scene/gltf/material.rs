@@ -4,6 +4,8 @@ use super::container;
 use super::context::Context;
 use crate::scene::file::{self, decode_image};
 use crate::scene::limits::{MAX_IOR, MAX_TEXELS};
+use crate::scene::motion::MaterialProperty::{EmissiveFactor, EmissiveStrength};
+use crate::scene::motion::Target;
 use crate::scene::{
     AlphaMode, Clearcoat, Fault, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
     TextureTransform, Volume, Wrap,
@@ -164,7 +166,8 @@ impl Context<'_> {
             |info: Option<&Info>| self.texture_ref(index, info.map(|info| Ok(info.into())), all);
         material.base_color_texture = texture(pbr.base_color_texture.as_ref())?;
         material.metallic_roughness_texture = texture(pbr.metallic_roughness_texture.as_ref())?;
-        if material.emission != Vec3::ZERO {
+        let glows = |property| self.moves(Target::Material(index as u32, property));
+        if material.emission != Vec3::ZERO || glows(EmissiveFactor) || glows(EmissiveStrength) {
             material.emission_texture = texture(source.emissive_texture.as_ref())?;
         }
         if let Some(extensions) = &source.extensions {
@@ -308,11 +311,16 @@ impl Context<'_> {
     }
 }
 
+/// Emissive factor and strength.
+pub(super) fn glow(source: &json::Material) -> (Vec3, f32) {
+    let strength = source.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref());
+    (Vec3::from(source.emissive_factor.0), strength.map_or(1.0, |e| e.emissive_strength.0))
+}
+
 fn factors(source: &json::Material, index: usize) -> Result<Material, String> {
     let pbr = &source.pbr_metallic_roughness;
     let extensions = source.extensions.as_ref();
-    let strength =
-        extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
+    let (factor, strength) = glow(source);
     let ior = extensions.and_then(|e| e.ior.as_ref()).map_or(1.5, |i| i.ior.0);
     let specular = extensions.and_then(|e| e.specular.as_ref());
     if strength.is_nan() || strength < 0.0 {
@@ -340,7 +348,7 @@ fn factors(source: &json::Material, index: usize) -> Result<Material, String> {
         base_color: Vec4::from(pbr.base_color_factor.0),
         metallic: pbr.metallic_factor.0,
         roughness: pbr.roughness_factor.0,
-        emission: Vec3::from(source.emissive_factor.0) * strength,
+        emission: factor * strength,
         // The extension's special value stands for an infinite index; beyond the largest all light is reflected, too.
         ior: if ior == 0.0 { MAX_IOR } else { ior.min(MAX_IOR) },
         transmission: extensions

@@ -2,9 +2,10 @@
 //!
 //! The JSON is cut to what is read of it, typed and its indices checked by the `gltf` crate; accessors are read by a checked
 //! reader of our own. What is harmless is mended and noted, and so is what is broken where the chosen scene does not need it.
-//! Skins are shown at rest, morph targets with their default weights.
+//! Skins are shown at rest, morph targets with their default weights, unless the scene keeps what moves it.
 
 mod accessor;
+mod animation;
 mod container;
 mod context;
 mod geometry;
@@ -15,6 +16,8 @@ mod tidy;
 use super::file::{self, Files};
 use super::import;
 use super::mend::Mended;
+use super::motion::rig::{Local, Node};
+use super::motion::{self, Motion, NodeProperty, Placed, Rig, Shaped, Source, Target, Within};
 use super::origin::{self, Around};
 use super::{
     Camera, Fault, Instance, Light, LightKind, LoadOptions, MAX_TRIANGLES, Material, Scene, SceneError, View,
@@ -27,13 +30,14 @@ use ::gltf::json::extensions::scene::khr_lights_punctual;
 use ::gltf::json::validation::{Checked, Error, Validate};
 use context::{Buffer, Context};
 use geometry::Pose;
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DMat4, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::f32::consts::FRAC_PI_2;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Extensions a file may require.
 pub const SUPPORTED_EXTENSIONS: &[&str] = &[
@@ -60,7 +64,7 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
     "EXT_mesh_features",
     "EXT_mesh_manifold",
     "EXT_structural_metadata",
-    "KHR_animation_pointer",
+    POINTER,
     "KHR_audio",
     "KHR_audio_emitter",
     "KHR_implicit_shapes",
@@ -75,6 +79,9 @@ const INVISIBLE_EXTENSIONS: &[&str] = &[
     "MSFT_packing_normalRoughnessMetallic",
     "MSFT_packing_occlusionRoughnessMetallic",
 ];
+
+/// What makes a channel move more than a node's place and weights.
+const POINTER: &str = "KHR_animation_pointer";
 
 /// Loads a `.gltf` or `.glb` file.
 ///
@@ -104,7 +111,7 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
     };
     let short = |shortage| SceneError::short(path, "JSON", shortage);
     budget.borrow_mut().take(parsed_size(text)).map_err(short)?;
-    let (mut value, animations) = tidy::parse(path, text, mended)?;
+    let (mut value, animations) = tidy::parse(path, text, mended, options.motion)?;
     let root = &typed(path, &value)?;
     let nodes = match value.get_mut("nodes").map(json::Value::take) {
         Some(json::Value::Array(nodes)) => nodes,
@@ -117,8 +124,13 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
     let read = &vec![Cell::new(false); root.accessors.len()];
     let nodes = &nodes;
     let file = path;
-    let context = Context { file, files, mended, root, nodes, parents, buffers, read, quantized, budget };
-    context.scene(options, animations)
+    let clips = Vec::new();
+    let mut context =
+        Context { file, files, mended, root, nodes, parents, buffers, read, quantized, clips, budget };
+    if options.motion {
+        context.clips = context.clips(&animations)?;
+    }
+    context.scene(options, animations.len())
 }
 
 /// Bytes that an object of JSON takes once it is typed and of the scene: a material's, the largest.
@@ -295,6 +307,8 @@ struct Read {
     transforms: Vec<DAffine3>,
     /// How far from the origin nodes are that lead to them (m).
     detour: f64,
+    /// What moves it, if anything does.
+    rig: Rig,
     tally: geometry::Tally,
     /// Lights with a range.
     ranged: usize,
@@ -380,7 +394,7 @@ impl Context<'_> {
             self.budget.replace(budget);
             read = self.placed_parts(&roots, Some(&around))?;
         }
-        let Read { mut scene, tally, ranged, .. } = read;
+        let Read { mut scene, rig, tally, ranged, .. } = read;
         self.materials(&mut scene)?;
         let empty = scene.meshes.iter().all(|mesh| mesh.triangles.is_empty());
         for defect in self.unneeded_defects(empty || options.strict) {
@@ -390,9 +404,54 @@ impl Context<'_> {
             }
             self.mended.mend(self.file, defect, tidy::UNNEEDED)?;
         }
-        self.note(&mut scene, &tally, animations, ranged);
+        self.note(&mut scene, &tally, animations, ranged, options.motion);
         scene.notes.extend(self.mended.notes());
-        import::finish(scene, self.file, &element)
+        if self.clips.is_empty() {
+            return import::finish(scene, self.file, &element);
+        }
+        let motion = Motion {
+            file: self.file.to_owned(),
+            element,
+            clips: self.clips.clone(),
+            rig: Rig { glow: self.glow(&scene), ..rig },
+            parts: scene,
+        };
+        let mut scene = motion.pose(&[], 0.0)?;
+        if motion.parts.cameras.is_empty() {
+            scene.cameras = vec![Scene::framing(motion.bounds())];
+        }
+        scene.motion = Some(Arc::new(motion));
+        Ok(scene)
+    }
+
+    /// Emissive factor and strength of each material.
+    fn glow(&self, scene: &Scene) -> Vec<(Vec3, f32)> {
+        let factors = self.root.materials.iter().map(material::glow);
+        factors.chain([(Vec3::ZERO, 1.0)]).take(scene.materials.len()).collect()
+    }
+
+    /// Adds nodes, light sources and views, as they are at rest.
+    fn complete(&self, rig: &mut Rig, around: Option<&Around>) -> Result<(), SceneError> {
+        for (i, node) in self.root.nodes.iter().enumerate() {
+            let mesh = node.mesh.map(|mesh| mesh.value());
+            let own = mesh.and_then(|mesh| self.root.meshes[mesh].weights.as_deref());
+            let weights = node.weights.as_deref().filter(|w| !w.is_empty()).or(own).unwrap_or_default();
+            rig.nodes.push(Node {
+                parent: self.parents[i].map(|parent| parent as u32),
+                // The scene is without those that are broken.
+                local: self.local(i, around.is_some()).unwrap_or(Local::Matrix(DAffine3::IDENTITY)),
+                weights: weights.iter().map(|&weight| f64::from(weight)).collect(),
+                visible: !self.is_hidden(i),
+            });
+        }
+        let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
+        for (light, source) in self.lights()?.iter().zip(sources) {
+            let (color, intensity) = (Vec3::from(source.color), source.intensity);
+            rig.sources.push(Source { kind: light.kind, color, intensity });
+        }
+        rig.views = (0..self.root.cameras.len()).map(|i| self.view(i)).collect::<Result<_, _>>()?;
+        rig.around = around.cloned();
+        Ok(())
     }
 
     /// Takes the memory that all meshes shown need at the least, before the first is read.
@@ -401,7 +460,7 @@ impl Context<'_> {
         let mut tally = geometry::Tally::default();
         let mut stack: Vec<usize> = roots.to_vec();
         while let Some(i) = stack.pop() {
-            if self.is_hidden(i) {
+            if self.is_never_shown(i) {
                 continue;
             }
             let node = &self.root.nodes[i];
@@ -428,6 +487,8 @@ impl Context<'_> {
         let mut meshes: HashMap<(usize, Option<Vec<u32>>), u32> = HashMap::new();
         let mut worlds = self.worlds(around.is_some());
         let mut transforms = Vec::new();
+        let moving = !self.clips.is_empty();
+        let mut rig = Rig::default();
         let (mut ranged, mut triangles) = (0, 0_usize);
         let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
         let mut detour = 0.0_f64;
@@ -435,7 +496,7 @@ impl Context<'_> {
             roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0)).collect();
         while let Some((i, parent, way)) = stack.pop() {
             let node = &self.root.nodes[i];
-            if self.is_hidden(i) {
+            if self.is_never_shown(i) {
                 continue;
             }
             let world = parent * self.local_transform(i, around.is_some())?;
@@ -449,8 +510,19 @@ impl Context<'_> {
                 };
                 let slot = scene.meshes.len();
                 let origin = || around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
-                let pose = |skin| Pose { weights, origin: origin(), skin };
+                let morphs = self.moves(Target::Node(i as u32, NodeProperty::Weights));
+                let pose = |skin| Pose { weights, origin: origin(), skin, every_target: morphs };
                 let mesh = match &skin {
+                    skin if moving && (morphs || skin.is_some()) => {
+                        let pose = pose(skin.as_ref());
+                        let mut shape = self.shape(source, &pose, &mut tally)?;
+                        scene.meshes.push(self.posed(source, shape.clone(), &pose)?);
+                        // The posed mesh has these.
+                        (shape.base.uv0, shape.base.uv1, shape.base.colors) = Default::default();
+                        let skin = skin.as_ref().map(|skin| Arc::clone(&skin.source));
+                        rig.shapes.push(Shaped { mesh: slot as u32, node: i as u32, skin, shape });
+                        slot
+                    }
                     Some(skin) => {
                         scene.meshes.push(self.mesh(source, &pose(Some(skin)), &mut tally)?);
                         slot
@@ -468,40 +540,48 @@ impl Context<'_> {
                     }
                 };
                 let name = node.name.clone().unwrap_or_else(|| scene.meshes[mesh].name.clone());
-                let places = match &skin {
-                    Some(_) => vec![DAffine3::IDENTITY],
-                    None => self.places(i, world)?,
+                let within = match &skin {
+                    Some(_) => vec![Within::World],
+                    None => self.places(i)?,
                 };
-                let whole = scene.meshes[mesh].triangles.len().saturating_mul(places.len());
+                let whole = scene.meshes[mesh].triangles.len().saturating_mul(within.len());
                 triangles = triangles.saturating_add(whole);
                 if triangles > MAX_TRIANGLES {
                     let problem = format!("more than {MAX_TRIANGLES} triangles up to here");
                     return Err(self.error(format!("nodes[{i}]"), problem));
                 }
                 let bytes = size_of::<(Instance, DAffine3)>() + name.len();
-                let taken = self.take::<u8>(places.len().saturating_mul(bytes));
+                let taken = self.take::<u8>(within.len().saturating_mul(bytes));
                 taken.map_err(|shortage| self.fault(format!("nodes[{i}]"), shortage))?;
-                for place in places {
+                for within in within {
+                    let place = within.at(world);
                     let placement = around.map_or(place, |around| around.placement(mesh, &place));
                     let transform = self.world_f32(i, placement)?;
                     scene.instances.push(Instance { name: name.clone(), mesh: mesh as u32, transform });
                     transforms.push(placement);
+                    if moving {
+                        rig.instances.push(Placed { node: i as u32, within });
+                    }
                 }
                 detour = detour.max(skin.map_or(way, |skin| skin.reach()));
             }
             let world = DAffine3 { translation: world.translation - scene.origin, ..world };
             if let Some(camera) = node.camera {
                 scene.cameras.push(self.camera(i, camera.value(), world)?);
+                rig.cameras.push((i as u32, camera.value() as u32));
             }
             let light = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
-            if let Some((light, source)) =
-                light.map(|l| (&lights[l.light.value()], &sources[l.light.value()]))
-            {
+            if let Some(index) = light.map(|light| light.light.value()) {
+                let (light, source) = (&lights[index], &sources[index]);
+                rig.lights.push((i as u32, index as u32));
                 ranged += usize::from(light.kind != LightKind::Directional && source.range.is_some());
                 scene.lights.push(self.placed(i, light, world)?);
             }
         }
-        Ok(Read { scene, transforms, detour, tally, ranged })
+        if moving {
+            self.complete(&mut rig, around)?;
+        }
+        Ok(Read { scene, transforms, detour, rig, tally, ranged })
     }
 
     /// What an extension says of a node that the crate does not type.
@@ -515,10 +595,15 @@ impl Context<'_> {
         extension.is_some_and(|extension| extension["visible"] == json::Value::Bool(false))
     }
 
-    /// Where a node's mesh is: at the node, or as often as `EXT_mesh_gpu_instancing` has it, relative to the node.
-    fn places(&self, node: usize, world: DAffine3) -> Result<Vec<DAffine3>, SceneError> {
+    /// Whether it is hidden and stays so.
+    fn is_never_shown(&self, node: usize) -> bool {
+        self.is_hidden(node) && !self.moves(Target::Node(node as u32, NodeProperty::Visible))
+    }
+
+    /// Where a node's mesh is in the node: there, or as often as `EXT_mesh_gpu_instancing` has it.
+    fn places(&self, node: usize) -> Result<Vec<Within>, SceneError> {
         let name = "EXT_mesh_gpu_instancing";
-        let Some(extension) = self.node_extension(node, name) else { return Ok(vec![world]) };
+        let Some(extension) = self.node_extension(node, name) else { return Ok(vec![Within::Node]) };
         let element = format!("nodes[{node}].extensions.{name}");
         let attribute = |name: &str, shape: Type| {
             let Some(index) = extension.pointer(&format!("/attributes/{name}")) else { return Ok(None) };
@@ -544,12 +629,12 @@ impl Context<'_> {
         let scales = attribute("SCALE", Type::Vec3)?;
         let mut counts = [&translations, &rotations, &scales].into_iter().flatten().map(|e| e.count);
         // Other attributes are an application's.
-        let Some(count) = counts.next() else { return Ok(vec![world]) };
+        let Some(count) = counts.next() else { return Ok(vec![Within::Node]) };
         if counts.any(|other| other != count) {
             return Err(self.error(element, "its attributes differ in length"));
         }
         let short = |shortage| self.fault(&element, shortage);
-        self.take::<DAffine3>(count).map_err(short)?;
+        self.take::<Within>(count).map_err(short)?;
         let translations = translations.as_ref().map(|e| e.floats::<3>(0..count)).transpose()?;
         let rotations = rotations.as_ref().map(|e| e.floats::<4>(0..count)).transpose()?;
         let scales = scales.as_ref().map(|e| e.floats::<3>(0..count)).transpose()?;
@@ -562,8 +647,8 @@ impl Context<'_> {
                 return Err(self.error(&element, format!("rotation {i} is not a unit quaternion")));
             }
             let [scale, translation] = [scale, translation].map(|v| DVec3::from(v.map(f64::from)));
-            let placed = DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation);
-            Ok(world * placed)
+            let rotation = rotation.normalize();
+            Ok(Within::Place(DAffine3::from_scale_rotation_translation(scale, rotation, translation)))
         };
         (0..count).map(place).collect()
     }
@@ -627,7 +712,14 @@ impl Context<'_> {
         Ok(())
     }
 
-    fn note(&self, scene: &mut Scene, tally: &geometry::Tally, animations: usize, ranged: usize) {
+    fn note(
+        &self,
+        scene: &mut Scene,
+        tally: &geometry::Tally,
+        animations: usize,
+        ranged: usize,
+        played: bool,
+    ) {
         let mut note = |holds: bool, text: String| {
             if holds {
                 scene.notes.push(text);
@@ -652,24 +744,28 @@ impl Context<'_> {
             ),
         );
         note(
-            tally.morphed > 0,
+            tally.morphed > 0 && self.clips.is_empty(),
             format!("{} morphed meshes are shown with their default weights", tally.morphed),
         );
         note(tally.flat > 0, format!("{} triangles whose corners are one point are left out", tally.flat));
-        note(animations > 0, format!("{animations} animations are left out"));
+        note(animations > 0 && !played, format!("{animations} animations are left out"));
         let unknown: Vec<&str> = self
             .root
             .extensions_used
             .iter()
             .map(String::as_str)
-            .filter(|name| !SUPPORTED_EXTENSIONS.contains(name))
+            .filter(|&name| !(SUPPORTED_EXTENSIONS.contains(&name) || played && name == POINTER))
             .collect();
         note(!unknown.is_empty(), format!("extensions left out: {}", unknown.join(", ")));
     }
 
-    /// Transform of a node in its parent; 64 bits keep deep chains exact enough. Its numbers are those of the file, to 32
-    /// bits or, if `exact`, to 64.
+    /// Transform of a node in its parent; 64 bits keep deep chains exact enough.
     pub(super) fn local_transform(&self, index: usize, exact: bool) -> Result<DAffine3, SceneError> {
+        Ok(self.local(index, exact)?.transform())
+    }
+
+    /// Where a node is in its parent. Its numbers are those of the file, to 32 bits or, if `exact`, to 64.
+    fn local(&self, index: usize, exact: bool) -> Result<Local, SceneError> {
         let node = &self.root.nodes[index];
         let fail = |problem: &str| Err(self.error(format!("nodes[{index}]"), problem));
         if let Some(matrix) = node.matrix {
@@ -681,7 +777,7 @@ impl Context<'_> {
             }
             self.check_last_row(&format!("nodes[{index}]"), &matrix)?;
             let matrix = self.node_numbers(index, "matrix", exact, matrix);
-            return Ok(DAffine3::from_mat4(DMat4::from_cols_array(&matrix)));
+            return Ok(Local::Matrix(DAffine3::from_mat4(DMat4::from_cols_array(&matrix))));
         }
         let translation = node.translation.unwrap_or_default();
         let translation = DVec3::from(self.node_numbers(index, "translation", exact, translation));
@@ -699,7 +795,7 @@ impl Context<'_> {
             let problem = format!("its rotation is not a unit quaternion but {length} long");
             self.mend(format!("nodes[{index}]"), problem, "it is normalised")?;
         }
-        Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
+        Ok(Local::Parts { translation, rotation, scale })
     }
 
     /// Numbers of a node under `key`, which are `read` to 32 bits.
@@ -735,16 +831,9 @@ impl Context<'_> {
     /// A camera where node `node` is; scales do not reach it.
     fn camera(&self, node: usize, index: usize, world: DAffine3) -> Result<Camera, SceneError> {
         let camera_name = self.root.cameras[index].name.clone();
-        let backward = world.matrix3.z_axis.normalize_or_zero();
-        let right = world.matrix3.x_axis.reject_from(backward).normalize_or_zero();
-        if backward == DVec3::ZERO || right == DVec3::ZERO || !world.is_finite() {
-            return Err(self
-                .error(format!("nodes[{node}]"), "its camera has no direction: the transform is singular"));
-        }
-        let rigid = DAffine3::from_mat3_translation(
-            DMat3::from_cols(right, backward.cross(right), backward),
-            world.translation,
-        );
+        let rigid = motion::seeing(&world).ok_or_else(|| {
+            self.error(format!("nodes[{node}]"), "its camera has no direction: the transform is singular")
+        })?;
         let name = self.root.nodes[node].name.clone().or(camera_name.clone());
         let camera = Camera {
             name: name.unwrap_or_else(|| format!("camera {index}")),
@@ -803,19 +892,12 @@ impl Context<'_> {
     }
 
     fn placed(&self, node: usize, light: &Light, world: DAffine3) -> Result<Light, SceneError> {
-        let direction = (world.matrix3 * DVec3::NEG_Z).normalize_or_zero();
-        if direction == DVec3::ZERO && light.kind != LightKind::Point {
-            return Err(
-                self.error(format!("nodes[{node}]"), "its light has no direction: the transform is singular")
-            );
-        }
-        let position = self.world_f32(node, DAffine3::from_translation(world.translation))?.translation;
-        let placed = Light {
-            name: self.root.nodes[node].name.clone().unwrap_or_else(|| light.name.clone()),
-            position: position.into(),
-            direction: if direction == DVec3::ZERO { Vec3::NEG_Z } else { direction.as_vec3() },
-            ..light.clone()
-        };
+        self.world_f32(node, DAffine3::from_translation(world.translation))?;
+        let placed = motion::shining(light, &world).ok_or_else(|| {
+            self.error(format!("nodes[{node}]"), "its light has no direction: the transform is singular")
+        })?;
+        let name = self.root.nodes[node].name.clone();
+        let placed = Light { name: name.unwrap_or(placed.name), ..placed };
         placed.check().map_err(|problem| self.error(format!("nodes[{node}]"), problem))?;
         Ok(placed)
     }

@@ -1,25 +1,28 @@
-//! Skins at rest: vertices where the joints' nodes have them (glTF 2.0, section 3.7.3.3), whatever the mesh's own node says.
+//! Skins: vertices are where the joints' nodes have them (glTF 2.0, section 3.7.3.3), whatever the mesh's own node says.
 
 use super::context::Context;
 use crate::scene::SceneError;
+use crate::scene::motion::rig;
+use crate::scene::motion::shape::Influences;
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Primitive, Semantic};
 use ::gltf::json::validation::Checked;
-use glam::{DAffine3, DMat3, DMat4, DVec3};
+use glam::{DAffine3, DMat4};
+use std::sync::Arc;
 
 /// A skin that a node wears.
 pub(super) struct Skin {
     index: usize,
-    /// From the mesh's space to the world, by joint.
-    joints: Vec<DAffine3>,
-    /// The node's, for primitives that no joint moves.
-    node: DAffine3,
+    pub(super) source: Arc<rig::Skin>,
+    /// At rest, from the mesh's space to the world: its joints, and the node that wears it for what no joint moves.
+    pub(super) joints: Vec<DAffine3>,
 }
 
 impl Skin {
     /// How far from the origin its joints are (m).
     pub(super) fn reach(&self) -> f64 {
-        self.joints.iter().map(|joint| joint.translation.length()).fold(0.0, f64::max)
+        let joints = &self.joints[..self.joints.len() - 1];
+        joints.iter().map(|joint| joint.translation.length()).fold(0.0, f64::max)
     }
 }
 
@@ -67,10 +70,7 @@ impl Context<'_> {
         let mut transient = *self.budget.borrow();
         let bytes = count as u64 * size_of::<[DAffine3; 2]>() as u64;
         transient.take(bytes).map_err(|shortage| self.fault(&element, shortage))?;
-        let mut joints = Vec::with_capacity(count);
-        for joint in &source.joints {
-            joints.push(self.world(joint.value(), worlds)?);
-        }
+        let mut inverse_bind = Vec::new();
         if let Some(accessor) = source.inverse_bind_matrices {
             let elements = self.elements(accessor.value())?;
             if (elements.component, elements.shape) != (ComponentType::F32, Type::Mat4) {
@@ -81,9 +81,8 @@ impl Context<'_> {
                 let problem = format!("{} inverse bind matrices for {count} joints", elements.count);
                 return Err(self.error(element, problem));
             }
-            let matrices = elements.floats::<16>(0..count)?;
-            for (joint, matrix) in joints.iter_mut().zip(&matrices) {
-                if let Err(defect) = self.check_last_row(&element, matrix) {
+            for matrix in elements.floats::<16>(0..count)? {
+                if let Err(defect) = self.check_last_row(&element, &matrix) {
                     self.mended.mend(
                         self.file,
                         defect,
@@ -91,14 +90,16 @@ impl Context<'_> {
                     )?;
                     return Ok(None);
                 }
-                let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
-                *joint *= DAffine3::from_mat4(matrix);
+                inverse_bind.push(DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from))));
             }
         }
+        let joints = source.joints.iter().map(|joint| joint.value() as u32).collect();
+        let source = Arc::new(rig::Skin { joints, inverse_bind });
+        let joints = source.transforms(|joint| self.world(joint as usize, worlds), node)?;
         if joints.iter().any(|joint| !joint.is_finite()) {
             return Err(self.error(element, "a joint's transform is too large"));
         }
-        Ok(Some(Skin { index, joints, node }))
+        Ok(Some(Skin { index, source, joints }))
     }
 
     /// The last row of a matrix is 0 0 0 1, but for rounding.
@@ -117,17 +118,17 @@ impl Context<'_> {
         }
     }
 
-    /// From the mesh's space to the world, for each of the `used` vertices: the mean of their joints' transforms.
-    pub(super) fn blend(
+    /// Appends which joints move the `used` vertices.
+    pub(super) fn influences(
         &self,
+        all: &mut Influences,
         primitive: &Primitive,
         element: &str,
         skin: &Skin,
         used: &[u32],
-    ) -> Result<Vec<DAffine3>, SceneError> {
-        let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(Vec::new()) };
+    ) -> Result<(), SceneError> {
+        let (Some(&first), Some(&last)) = (used.first(), used.last()) else { return Ok(()) };
         let range = first as usize..last as usize + 1;
-        self.take::<DAffine3>(used.len()).map_err(|shortage| self.fault(element, shortage))?;
         let mut sets = Vec::new();
         let has = |semantic| primitive.attributes.contains_key(&Checked::Valid(semantic));
         for set in (0..).take_while(|&set| has(Semantic::Joints(set)) && has(Semantic::Weights(set))) {
@@ -136,22 +137,31 @@ impl Context<'_> {
             let (Some(joints), Some(weights)) = (joints, weights) else { break };
             sets.push((joints.integers::<4>(range.clone())?, weights.floats::<4>(range.clone())?));
         }
-        if sets.is_empty() || skin.joints.is_empty() {
+        let count = skin.source.joints.len() as u32;
+        self.take::<u32>(used.len()).map_err(|shortage| self.fault(element, shortage))?;
+        if sets.is_empty() || count == 0 {
             let problem = format!("its node wears skins[{}], but it names no joints", skin.index);
             self.mend(element, problem, "it is where its node is")?;
-            return Ok(vec![skin.node; used.len()]);
+            self.take::<(u32, f32)>(used.len()).map_err(|shortage| self.fault(element, shortage))?;
+            for _ in used {
+                all.of.push((count, 1.0));
+                all.ends.push(all.of.len() as u32);
+            }
+            return Ok(());
         }
+        self.take::<[(u32, f32); 4]>(used.len() * sets.len())
+            .map_err(|shortage| self.fault(element, shortage))?;
         let joint = |vertex: u32, joint: u32| {
-            skin.joints.get(joint as usize).ok_or_else(|| {
-                let (index, count) = (skin.index, skin.joints.len());
-                let problem = format!("vertex {vertex} is of joint {joint}, but skins[{index}] has {count}");
-                self.error(element, problem)
-            })
+            if joint < count {
+                return Ok(joint);
+            }
+            let problem =
+                format!("vertex {vertex} is of joint {joint}, but skins[{}] has {count}", skin.index);
+            Err(self.error(element, problem))
         };
-        let mut blend = Vec::with_capacity(used.len());
         for &vertex in used {
             let at = (vertex - first) as usize;
-            let (mut matrix, mut translation, mut sum) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+            let mut sum = 0.0;
             for (joints, weights) in &sets {
                 for (&index, &weight) in
                     joints[at].iter().zip(&weights[at]).filter(|(_, weight)| **weight != 0.0)
@@ -159,10 +169,8 @@ impl Context<'_> {
                     if weight < 0.0 {
                         return Err(self.error(element, format!("vertex {vertex} has the weight {weight}")));
                     }
-                    let (joint, weight) = (joint(vertex, index)?, f64::from(weight));
-                    matrix += joint.matrix3 * weight;
-                    translation += joint.translation * weight;
-                    sum += weight;
+                    all.of.push((joint(vertex, index)?, weight));
+                    sum += f64::from(weight);
                 }
             }
             if sum > 0.0 {
@@ -171,29 +179,13 @@ impl Context<'_> {
                     let problem = format!("weights of vertex {vertex} add up to {sum}");
                     self.mend(element, problem, "they are made to add up to 1")?;
                 }
-                blend.push(DAffine3 { matrix3: matrix * sum.recip(), translation: translation / sum });
             } else {
                 let problem = format!("vertex {vertex} has no weight");
                 self.mend(element, problem, "such vertices follow their first joint")?;
-                blend.push(*joint(vertex, sets[0].0[at][0])?);
+                all.of.push((joint(vertex, sets[0].0[at][0])?, 1.0));
             }
+            all.ends.push(all.of.len() as u32);
         }
-        Ok(blend)
+        Ok(())
     }
-}
-
-/// The direction of a normal or, if `along` the surface, of a tangent behind a transform; zero where it leaves none.
-pub(super) fn turned(transform: &DAffine3, direction: DVec3, along: bool) -> DVec3 {
-    let m = &transform.matrix3;
-    if along {
-        return (*m * direction).normalize_or_zero();
-    }
-    // The cofactor matrix carries normals whatever the scaling.
-    let [x, y, z] = [m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)];
-    (mirrors(transform) * (x * direction.x + y * direction.y + z * direction.z)).normalize_or_zero()
-}
-
-/// −1 where a transform mirrors, else 1.
-pub(super) fn mirrors(transform: &DAffine3) -> f64 {
-    if transform.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 }
 }

@@ -315,11 +315,35 @@ fn integral(number: &Number) -> Number {
     }
 }
 
-/// The JSON of a file, cut to what is read of it, and how many animations there are.
+const ANIMATIONS: Shape = List(&Object(&[
+    ("name", Name),
+    (
+        "channels",
+        List(&Object(&[
+            ("sampler", Integer),
+            (
+                "target",
+                Object(&[
+                    ("node", Integer),
+                    ("path", Plain),
+                    ("extensions", Object(&[("KHR_animation_pointer", Object(&[("pointer", Plain)]))])),
+                ]),
+            ),
+        ])),
+    ),
+    ("samplers", List(&Object(&[("input", Integer), ("output", Integer), ("interpolation", Plain)]))),
+]));
+
+/// The JSON of a file, cut to what is read of it, and its animations: if they are not `played` they are as they come.
 ///
 /// # Errors
 /// It is no JSON; where the load is strict, also what is harmless.
-pub(super) fn parse(path: &Path, text: &[u8], mended: &Mended) -> Result<(Value, usize), SceneError> {
+pub(super) fn parse(
+    path: &Path,
+    text: &[u8],
+    mended: &Mended,
+    played: bool,
+) -> Result<(Value, Vec<Value>), SceneError> {
     let tidy = Tidy { file: path, mended };
     let text = utf8(&tidy, text)?;
     let parsed = serde_json::from_str(&text).or_else(|error| {
@@ -331,10 +355,17 @@ pub(super) fn parse(path: &Path, text: &[u8], mended: &Mended) -> Result<(Value,
     if !root.is_object() {
         return Err(SceneError::new(path, "JSON", "is no object"));
     }
-    let animations = items(&root, "animations").count();
+    let mut animations = root.get_mut("animations").map_or(Value::Null, Value::take);
     tidy.cut(&mut root, &ROOT, &Place::Root)?;
+    if played {
+        tidy.cut(&mut animations, &ANIMATIONS, &Place::Member(&Place::Root, "animations"))?;
+    }
+    let animations = match animations {
+        Value::Array(animations) => animations,
+        _ => Vec::new(),
+    };
     attributes(&tidy, &mut root)?;
-    accessors(&tidy, &mut root)?;
+    accessors(&tidy, &mut root, if played { &animations } else { &[] })?;
     complete(&mut root);
     Ok((root, animations))
 }
@@ -409,7 +440,7 @@ fn attributes(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
 }
 
 /// Puts something harmless in place of accessors that nothing reads and that can't be typed.
-fn accessors(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
+fn accessors(tidy: &Tidy<'_>, root: &mut Value, animations: &[Value]) -> Result<(), SceneError> {
     let mut read = HashSet::new();
     let mut members = |parent: Option<&Value>| {
         read.extend(parent.and_then(Value::as_object).into_iter().flatten().filter_map(|(_, v)| v.as_u64()));
@@ -423,6 +454,7 @@ fn accessors(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
         members(node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes"));
     }
     items(root, "skins").for_each(|skin| members(Some(skin)));
+    animations.iter().flat_map(|animation| items(animation, "samplers")).for_each(|s| members(Some(s)));
     for (i, item) in items_mut(root, "accessors").enumerate().filter(|(i, _)| !read.contains(&(*i as u64))) {
         let problem = match Accessor::deserialize(&*item) {
             Err(error) => file::shortened(&error.to_string()),

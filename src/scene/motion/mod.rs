@@ -1,0 +1,377 @@
+//! Scenes in time: nodes, skins, morph targets and clips that move them. A pose is a scene of its own, made from the parts as
+//! they were read: the instances, shapes, lights, cameras and materials that there are at a time.
+
+mod clip;
+pub(super) mod rig;
+pub(super) mod shape;
+
+pub use clip::{
+    CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, NodeProperty, Target,
+    Track,
+};
+
+use super::limits::{MAX_FACTOR, MAX_IOR, MAX_RADIANCE};
+use super::origin::{self, Around};
+use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Scene, SceneError, View, import};
+use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
+use rig::{Local, Node, Skin, Worlds};
+use shape::Shape;
+use std::collections::HashSet;
+use std::f32::consts::FRAC_PI_2;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What moves a scene. Importers make it where [`LoadOptions::motion`](super::LoadOptions::motion) asks for it.
+#[derive(Debug)]
+pub struct Motion {
+    pub(super) file: PathBuf,
+    /// The scene's in the file.
+    pub(super) element: String,
+    pub(super) clips: Vec<Clip>,
+    /// Everything there may be, at rest, before a load's last steps.
+    pub(super) parts: Scene,
+    pub(super) rig: Rig,
+}
+
+/// What the parts of a scene follow.
+#[derive(Debug, Default)]
+pub(super) struct Rig {
+    pub(super) nodes: Vec<Node>,
+    /// One an instance.
+    pub(super) instances: Vec<Placed>,
+    pub(super) shapes: Vec<Shaped>,
+    /// Node and light source, one a light.
+    pub(super) lights: Vec<(u32, u32)>,
+    pub(super) sources: Vec<Source>,
+    /// Node and view, one a camera.
+    pub(super) cameras: Vec<(u32, u32)>,
+    pub(super) views: Vec<View>,
+    /// Emissive factor and strength, one a material.
+    pub(super) glow: Vec<(Vec3, f32)>,
+    /// Where positions are relative to others than the file's.
+    pub(super) around: Option<Around>,
+}
+
+/// An instance's place.
+#[derive(Debug)]
+pub(super) struct Placed {
+    pub(super) node: u32,
+    pub(super) within: Within,
+}
+
+/// Where in its node an instance is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Within {
+    /// A skin brings its mesh to the world.
+    World,
+    /// At the node itself.
+    Node,
+    Place(DAffine3),
+}
+
+impl Within {
+    pub(super) fn at(&self, node: DAffine3) -> DAffine3 {
+        match self {
+            Self::World => DAffine3::IDENTITY,
+            Self::Node => node,
+            Self::Place(place) => node * *place,
+        }
+    }
+}
+
+/// A mesh that changes shape.
+#[derive(Debug)]
+pub(super) struct Shaped {
+    pub(super) mesh: u32,
+    pub(super) node: u32,
+    pub(super) skin: Option<Arc<Skin>>,
+    pub(super) shape: Shape,
+}
+
+/// A light source before it is placed.
+#[derive(Clone, Debug)]
+pub(super) struct Source {
+    pub(super) kind: LightKind,
+    pub(super) color: Vec3,
+    pub(super) intensity: f32,
+}
+
+/// What channels change.
+struct State {
+    nodes: Vec<Node>,
+    sources: Vec<Source>,
+    views: Vec<View>,
+    glow: Vec<(Vec3, f32)>,
+}
+
+impl Scene {
+    /// Animations of the file, which [`pose`](Self::pose) plays.
+    #[must_use]
+    pub fn clips(&self) -> &[Clip] {
+        self.motion.as_ref().map_or(&[], |motion| &motion.clips)
+    }
+
+    /// Clips that can be played together: the first, and each that moves nothing which an earlier one of them moves.
+    #[must_use]
+    pub fn clips_together(&self) -> Vec<usize> {
+        let (mut moved, mut together) = (HashSet::new(), Vec::new());
+        for (index, clip) in self.clips().iter().enumerate() {
+            let targets = || clip.channels.iter().map(|channel| channel.target);
+            if targets().all(|target| !moved.contains(&target)) {
+                moved.extend(targets());
+                together.push(index);
+            }
+        }
+        together
+    }
+
+    /// The scene at a time (s) of some of its [`clips`](Self::clips), later ones winning over earlier: instances, shapes, lights, cameras and materials as they
+    /// are then, and the environment, name and lights that were added to this one. It keeps the motion, for further poses.
+    /// Without clips it is the same scene.
+    ///
+    /// # Errors
+    /// A pose that is no scene: nothing to see, a camera without a direction, numbers out of range.
+    ///
+    /// # Panics
+    /// There is no such clip, but the scene has a motion.
+    pub fn pose(&self, clips: &[usize], time: f64) -> Result<Self, SceneError> {
+        let Some(motion) = &self.motion else { return Ok(self.clone()) };
+        let mut pose = motion.pose(clips, time)?;
+        if motion.parts.cameras.is_empty() {
+            pose.cameras.clone_from(&self.cameras);
+        }
+        pose.lights.extend(self.lights.iter().skip(motion.parts.lights.len()).cloned());
+        pose.environment.clone_from(&self.environment);
+        pose.name.clone_from(&self.name);
+        pose.motion = Some(Arc::clone(motion));
+        pose.notes.clear();
+        Ok(pose)
+    }
+}
+
+impl Motion {
+    /// Smallest and largest coordinates (m) of what clips show at several times.
+    pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        const TIMES: usize = 16;
+        let times = |clip: usize| {
+            let end = self.clips[clip].end();
+            (0..=TIMES).map(move |i| (clip, end * i as f64 / TIMES as f64))
+        };
+        let posed = |(clip, time)| self.pose(&[clip], time).ok()?.bounds();
+        let all = (0..self.clips.len()).flat_map(times).filter_map(posed);
+        all.reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
+    }
+
+    /// At a time of some clips; without any it is at rest.
+    pub(super) fn pose(&self, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
+        let rig = &self.rig;
+        let mut scene = self.parts.clone();
+        let mut state = State {
+            nodes: rig.nodes.clone(),
+            sources: rig.sources.clone(),
+            views: rig.views.clone(),
+            glow: rig.glow.clone(),
+        };
+        for channel in clips.iter().flat_map(|&clip| &self.clips[clip].channels) {
+            state.apply(channel, time, &mut scene.materials);
+        }
+        for (material, (factor, strength)) in scene.materials.iter_mut().zip(&state.glow) {
+            material.emission = (*factor * *strength).clamp(Vec3::ZERO, Vec3::splat(MAX_RADIANCE));
+        }
+        let worlds = Worlds::of(&state.nodes);
+        let fail = |node: u32, problem: &str| SceneError::new(&self.file, format!("nodes[{node}]"), problem);
+
+        for (instance, placed) in scene.instances.iter_mut().zip(&rig.instances) {
+            let world = placed.within.at(worlds.at(placed.node));
+            let around = rig.around.as_ref();
+            let place = around.map_or(world, |around| around.placement(instance.mesh as usize, &world));
+            instance.transform = origin::rounded(&place);
+            if !instance.transform.is_finite() {
+                return Err(fail(placed.node, "its transform in the world is too large"));
+            }
+        }
+        for shaped in &rig.shapes {
+            let joints = match &shaped.skin {
+                Some(skin) => {
+                    let world = |joint| Ok::<_, SceneError>(worlds.at(joint));
+                    skin.transforms(world, worlds.at(shaped.node))?
+                }
+                None => Vec::new(),
+            };
+            let weights: Vec<f32> =
+                state.nodes[shaped.node as usize].weights.iter().map(|&weight| weight as f32).collect();
+            let origin =
+                rig.around.as_ref().map_or(DVec3::ZERO, |around| around.meshes[shaped.mesh as usize]);
+            let posed = shaped.shape.pose(&weights, &joints, origin);
+            let posed = posed.map_err(|vertex| {
+                fail(shaped.node, &format!("vertex {vertex} of its mesh's pose is not finite"))
+            })?;
+            let mesh = &mut scene.meshes[shaped.mesh as usize];
+            *mesh = Mesh {
+                name: std::mem::take(&mut mesh.name),
+                uv0: std::mem::take(&mut mesh.uv0),
+                uv1: std::mem::take(&mut mesh.uv1),
+                colors: std::mem::take(&mut mesh.colors),
+                ..posed
+            };
+            mesh.generate_tangents(&scene.materials);
+        }
+        let mut shown = rig.instances.iter().map(|placed| worlds.shows(placed.node));
+        scene.instances.retain(|_| shown.next() == Some(true));
+
+        for (light, &(node, source)) in scene.lights.iter_mut().zip(&rig.lights) {
+            let source = &state.sources[source as usize];
+            let world = worlds.at(node);
+            let world = DAffine3 { translation: world.translation - scene.origin, ..world };
+            *light = shining(&source.light(&light.name), &world)
+                .ok_or_else(|| fail(node, "its light has no direction: the transform is singular"))?;
+            if !worlds.shows(node) {
+                light.intensity = Vec3::ZERO;
+            }
+        }
+        for (camera, &(node, view)) in scene.cameras.iter_mut().zip(&rig.cameras) {
+            let world = worlds.at(node);
+            let world = DAffine3 { translation: world.translation - scene.origin, ..world };
+            let seeing = seeing(&world)
+                .ok_or_else(|| fail(node, "its camera has no direction: the transform is singular"))?;
+            *camera = Camera {
+                transform: origin::rounded(&seeing),
+                view: state.views[view as usize],
+                ..std::mem::replace(camera, Camera::look_at("", Vec3::ZERO, Vec3::NEG_Z, 1.0))
+            };
+        }
+        import::finish(scene, &self.file, &self.element)
+    }
+}
+
+impl State {
+    fn apply(&mut self, channel: &Channel, time: f64, materials: &mut [Material]) {
+        let track = &channel.track;
+        let one = || track.at(time)[0] as f32;
+        let three = || {
+            let value = track.at(time);
+            DVec3::from_slice(&value)
+        };
+        match channel.target {
+            Target::Node(node, property) => {
+                let node = &mut self.nodes[node as usize];
+                match (property, &mut node.local) {
+                    (NodeProperty::Weights, _) => node.weights = track.at(time),
+                    (NodeProperty::Visible, _) => node.visible = one() >= 0.5,
+                    (NodeProperty::Translation, Local::Parts { translation, .. }) => *translation = three(),
+                    (NodeProperty::Rotation, Local::Parts { rotation, .. }) => {
+                        *rotation = track.rotation_at(time)
+                    }
+                    (NodeProperty::Scale, Local::Parts { scale, .. }) => *scale = three(),
+                    // The loader leaves such channels out.
+                    (_, Local::Matrix(_)) => {}
+                }
+            }
+            Target::Light(light, property) => {
+                let source = &mut self.sources[light as usize];
+                match (property, &mut source.kind) {
+                    (LightProperty::Color, _) => source.color = three().as_vec3().max(Vec3::ZERO),
+                    (LightProperty::Intensity, _) => source.intensity = one().max(0.0),
+                    (LightProperty::InnerCone, LightKind::Spot { inner, .. }) => *inner = one(),
+                    (LightProperty::OuterCone, LightKind::Spot { outer, .. }) => *outer = one(),
+                    _ => {}
+                }
+            }
+            Target::Camera(camera, property) => match (property, &mut self.views[camera as usize]) {
+                (CameraProperty::Yfov, View::Perspective { yfov }) => *yfov = one(),
+                (CameraProperty::Ymag, View::Orthographic { ymag }) => *ymag = one(),
+                _ => {}
+            },
+            Target::Material(material, property) => {
+                let glow = &mut self.glow[material as usize];
+                let of = &mut materials[material as usize];
+                let share = || one().clamp(0.0, 1.0);
+                match property {
+                    MaterialProperty::BaseColor => {
+                        let value = track.at(time);
+                        let value = Vec4::from_array([0, 1, 2, 3].map(|i| value[i] as f32));
+                        of.base_color = value.clamp(Vec4::ZERO, Vec4::ONE);
+                    }
+                    MaterialProperty::Metallic => of.metallic = share(),
+                    MaterialProperty::Roughness => of.roughness = share(),
+                    MaterialProperty::EmissiveFactor => glow.0 = three().as_vec3(),
+                    MaterialProperty::EmissiveStrength => glow.1 = one(),
+                    MaterialProperty::AlphaCutoff => {
+                        if let AlphaMode::Mask { cutoff } = &mut of.alpha_mode {
+                            *cutoff = one().max(0.0);
+                        }
+                    }
+                    MaterialProperty::NormalScale => {
+                        let map = of.normal_map.as_mut();
+                        map.into_iter().for_each(|map| map.scale = one().clamp(-MAX_FACTOR, MAX_FACTOR));
+                    }
+                    MaterialProperty::Ior => of.ior = ior(one()),
+                    MaterialProperty::Transmission => of.transmission = share(),
+                    MaterialProperty::Specular => of.specular = share(),
+                    MaterialProperty::SpecularColor => {
+                        of.specular_color = three().as_vec3().clamp(Vec3::ZERO, Vec3::splat(MAX_FACTOR));
+                    }
+                    MaterialProperty::Clearcoat => of.clearcoat.get_or_insert_default().factor = share(),
+                    MaterialProperty::ClearcoatRoughness => {
+                        of.clearcoat.get_or_insert_default().roughness = share();
+                    }
+                    MaterialProperty::AttenuationDistance => {
+                        let volume = of.volume.as_mut();
+                        volume.into_iter().for_each(|volume| volume.attenuation_distance = one());
+                    }
+                    MaterialProperty::AttenuationColor => {
+                        let color = three().as_vec3().clamp(Vec3::ZERO, Vec3::ONE);
+                        of.volume.as_mut().into_iter().for_each(|volume| volume.attenuation_color = color);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// An index of refraction as glTF has it: 0 stands for an infinite one.
+fn ior(value: f32) -> f32 {
+    if value == 0.0 { MAX_IOR } else { value.clamp(1.0, MAX_IOR) }
+}
+
+impl Source {
+    /// At the origin, along −Z. Angles between keys may pass each other.
+    pub(super) fn light(&self, name: &str) -> Light {
+        let kind = match self.kind {
+            LightKind::Spot { inner, outer } => {
+                let outer = outer.clamp(1e-3, FRAC_PI_2);
+                let inner = if inner < outer { inner.max(0.0) } else { outer * 0.999 };
+                LightKind::Spot { inner, outer }
+            }
+            kind => kind,
+        };
+        Light {
+            name: name.to_owned(),
+            kind,
+            position: Vec3::ZERO,
+            direction: Vec3::NEG_Z,
+            intensity: self.color * self.intensity,
+        }
+    }
+}
+
+/// A light at the origin, along −Z, where `world` brings it; none if that leaves no direction.
+pub(super) fn shining(light: &Light, world: &DAffine3) -> Option<Light> {
+    let direction = (world.matrix3 * DVec3::NEG_Z).normalize_or_zero();
+    let point = light.kind == LightKind::Point;
+    (point || direction != DVec3::ZERO).then(|| Light {
+        position: origin::rounded(&DAffine3::from_translation(world.translation)).translation.into(),
+        direction: if direction == DVec3::ZERO { Vec3::NEG_Z } else { direction.as_vec3() },
+        ..light.clone()
+    })
+}
+
+/// Where a camera at the origin is that `world` moves, rigid: scales do not reach it; none if it is left no direction.
+pub(super) fn seeing(world: &DAffine3) -> Option<DAffine3> {
+    let backward = world.matrix3.z_axis.normalize_or_zero();
+    let right = world.matrix3.x_axis.reject_from(backward).normalize_or_zero();
+    (backward != DVec3::ZERO && right != DVec3::ZERO && world.is_finite()).then(|| {
+        let axes = DMat3::from_cols(right, backward.cross(right), backward);
+        DAffine3::from_mat3_translation(axes, world.translation)
+    })
+}

@@ -1,0 +1,238 @@
+//! `parhelion render --frames`: frames of films, where they go and what sees them.
+
+mod common;
+
+use common::asset::{Asset, F32, square};
+use glam::Vec3;
+use parhelion::output::read_exr;
+use parhelion::renderer::{BackendChoice, FrameRequest, Renderer, RendererOptions};
+use parhelion::scene::{self, Environment, LoadOptions};
+use parhelion::vk::Backend;
+use serde_json::json;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+struct Folder(tempfile::TempDir);
+
+const LOOK: [&str; 9] =
+    ["--preset", "fast", "--size", "16x12", "--exposure", "0", "--environment", "1,1,1", "-q"];
+
+impl Folder {
+    /// With a square that passes a camera in 1 s.
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        let mut asset = square();
+        asset.json["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = json!(0);
+        let times = asset.accessor(bytemuck::cast_slice(&[0.0_f32, 1.0]), F32, "SCALAR", 2);
+        let values = [[-1.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let values = asset.accessor(bytemuck::cast_slice(&values), F32, "VEC3", 2);
+        let channel = json!({"sampler": 0, "target": {"node": 0, "path": "translation"}});
+        let sampler = json!({"input": times, "output": values});
+        asset.push("animations", json!({"name": "pass", "channels": [channel], "samplers": [sampler]}));
+        folder.write("walk.glb", &asset);
+        folder
+    }
+
+    fn write(&self, name: &str, asset: &Asset) {
+        std::fs::write(self.path(name), asset.glb()).unwrap();
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_parhelion"));
+        command.arg("render").args(args).current_dir(self.0.path());
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    fn render(&self, args: &[&str]) -> String {
+        let output = self.run(args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn film(&self, args: &[&str]) -> String {
+        self.render(&[&["walk.glb"], &LOOK[..], args].concat())
+    }
+
+    /// The same, telling what it does.
+    fn told(&self, args: &[&str]) -> String {
+        self.render(&[&["walk.glb"], &LOOK[..8], args].concat())
+    }
+
+    fn pixels(&self, name: &str) -> Vec<f32> {
+        read_exr(&self.path(name)).unwrap().interleaved(&["R", "G", "B"]).unwrap()
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+
+    fn pictures(&self) -> Vec<String> {
+        let names = std::fs::read_dir(self.0.path()).unwrap();
+        let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<_> =
+            names.filter(|name| !name.ends_with("glb") && !name.ends_with("toml")).collect();
+        names.sort();
+        names
+    }
+}
+
+/// A frame of a film is that frame alone, and that pose in a renderer of its own, bit for bit.
+#[test]
+fn a_frame_is_the_same_alone() {
+    let Some((_guard, device)) = common::device() else { return };
+    let folder = Folder::new();
+    folder.film(&["--frames", "2-4", "--fps", "8", "-o", "a.##.exr", "-o", "a.##.png", "--stats", "s#.json"]);
+    let names = [
+        "a.02.exr", "a.02.png", "a.03.exr", "a.03.png", "a.04.exr", "a.04.png", "s2.json", "s3.json",
+        "s4.json",
+    ];
+    assert_eq!(folder.pictures(), names);
+    folder.film(&["--frames", "3", "--fps", "8", "-o", "alone.exr", "-o", "alone.png"]);
+    assert!(folder.pixels("alone.exr") == folder.pixels("a.03.exr"));
+    assert_eq!(folder.bytes("alone.png"), folder.bytes("a.03.png"));
+    assert!(folder.pixels("a.02.exr") != folder.pixels("a.03.exr"));
+
+    let base = scene::load(&folder.path("walk.glb"), &LoadOptions { motion: true, ..LoadOptions::default() });
+    let mut base = base.unwrap();
+    base.environment = Some(Environment::constant(Vec3::ONE));
+    let pose = base.pose(&[0], 3.0 / 8.0).unwrap();
+    let mut config = parhelion::config::RenderConfig { size: [16, 12], ..Default::default() };
+    config.apply_preset("fast").unwrap();
+    let camera = pose.cameras[0].clone();
+    let options =
+        RendererOptions { backend: BackendChoice::Force(Backend::Software), ..RendererOptions::default() };
+    let mut renderer = Renderer::new(&device, pose, &options).unwrap();
+    let frame = renderer.render(&config, &camera, &FrameRequest::default()).unwrap();
+    assert!(frame.beauty.data == folder.pixels("a.03.exr"));
+    assert!(frame.beauty.data.iter().any(|&value| value > 0.0));
+}
+
+#[test]
+fn what_is_there_is_left_out() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    let film = ["--frames", "1-3", "--fps", "8", "-o", "a.#.exr", "-o", "a.#.png"];
+    let again = |more: &[&str]| folder.told(&[&film[..], &["--resume"], more].concat());
+    folder.film(&film);
+    let before: Vec<_> = folder.pictures().iter().map(|name| folder.bytes(name)).collect();
+    assert!(again(&[]).contains("frames: 0 drawn") && folder.pictures().len() == 6);
+    // One that is gone, one cut short, and one whose second picture is another's.
+    std::fs::remove_file(folder.path("a.1.exr")).unwrap();
+    let png = folder.bytes("a.2.png");
+    std::fs::write(folder.path("a.2.png"), &png[..png.len() - 30]).unwrap();
+    assert!(again(&[]).contains("frames: 2 drawn"));
+    std::fs::copy(folder.path("a.1.png"), folder.path("a.3.png")).unwrap();
+    let told = again(&[]);
+    assert!(told.contains("frames: 1 drawn") && told.contains("2 left out"), "{told}");
+    let pixels = |name: &str| folder.pixels(name);
+    let after: Vec<_> = folder.pictures().iter().map(|name| folder.bytes(name)).collect();
+    for (name, (before, after)) in folder.pictures().iter().zip(before.iter().zip(&after)) {
+        // Headers of .exr hold times.
+        assert!(before == after || name.ends_with("exr"), "{name}");
+    }
+    assert!(pixels("a.1.exr") != pixels("a.3.exr"));
+    assert!(again(&["--vpls", "9"]).contains("frames: 3 drawn"), "other settings");
+    assert!(again(&["--vpls", "9", "--aov", "albedo"]).contains("frames: 3 drawn"), "a layer more");
+    assert!(again(&["--vpls", "9", "--aov", "albedo"]).contains("frames: 0 drawn"));
+}
+
+#[test]
+fn cameras_turn_and_follow_paths() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    folder.film(&["--frames", "0", "-o", "still.exr"]);
+    folder.film(&["--turntable", "4", "--fps", "1e6", "-o", "turn.#.exr"]);
+    assert_eq!(folder.pictures(), ["still.exr", "turn.1.exr", "turn.2.exr", "turn.3.exr", "turn.4.exr"]);
+    assert!(folder.pixels("turn.1.exr") != folder.pixels("turn.2.exr"));
+    // A quarter from the first frame on is the second frame.
+    folder.film(&["--turntable", "4", "--frames", "2-2", "--fps", "1e6", "-o", "second.exr"]);
+    assert!(folder.pixels("turn.2.exr") == folder.pixels("second.exr"));
+
+    let key = |time: f32, x: f32| {
+        format!("[[key]]\ntime = {time}\neye = [{x}, 0, 3]\nlook_at = [0, 0, 0]\nfov = 40\n")
+    };
+    std::fs::write(folder.path("way.toml"), key(0.0, 0.0) + &key(1.0, 0.5)).unwrap();
+    folder.film(&["--frames", "8", "--fps", "8", "--camera-path", "way.toml", "-o", "way.exr"]);
+    folder.film(&[
+        "--frames",
+        "8",
+        "--fps",
+        "8",
+        "--eye",
+        "0.5,0,3",
+        "--look-at",
+        "0,0,0",
+        "--fov",
+        "40",
+        "-o",
+        "eye.exr",
+    ]);
+    assert!(folder.pixels("way.exr") == folder.pixels("eye.exr"));
+}
+
+#[test]
+fn bad_usage_is_refused_before_anything_is_drawn() {
+    let folder = Folder::new();
+    std::fs::write(folder.path("none.toml"), "").unwrap();
+    std::fs::write(folder.path("odd.toml"), "[[key]]\ntime = 0\neye = [0, 0, 0]\nlook_at = [0, 0, 0]\n")
+        .unwrap();
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["--frames", "3-1"], &["--frames", "3-1"]),
+        (&["--frames", "1-x"], &["--frames"]),
+        (&["--fps", "24"], &["--fps: needs --frames"]),
+        (&["--frames", "1", "--fps", "0"], &["--fps"]),
+        (&["--frames", "1-2", "-o", "a.png"], &["a.png", "#"]),
+        (&["--frames", "1-2", "-o", "a#.png", "--stats", "s.json"], &["s.json", "#"]),
+        (&["--frames", "1-2", "-o", "a#.png", "-o", "a##.png", "-o", "a#.png"], &["a1.png", "named twice"]),
+        (&["--frames", "1", "--animation", "run"], &["--animation", "`run`", "0: pass"]),
+        (&["--animation", "pass"], &["--frames"]),
+        (&["--frames", "1", "--explain"], &["--explain"]),
+        (&["--frames", "1", "--resume", "a.exr"], &["--resume"]),
+        (&["--resume"], &["--resume", "--frames"]),
+        (&["--turntable", "0"], &["--turntable"]),
+        (&["--camera-path", "way.toml"], &["--frames"]),
+        (&["--frames", "1", "--camera-path", "way.toml"], &["--camera-path", "way.toml"]),
+        (&["--frames", "1", "--camera-path", "none.toml"], &["none.toml", "key"]),
+        (&["--frames", "1", "--camera-path", "odd.toml"], &["odd.toml", "key 0", "same point"]),
+        (&["--frames", "1", "-o", "nowhere/a.png"], &["nowhere/a.png"]),
+    ];
+    for (args, words) in cases {
+        let output = folder.run(&[&["walk.glb", "--size", "8x8"], *args].concat());
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {told}");
+        assert!(words.iter().all(|word| told.contains(word)), "{args:?}: {told}");
+        assert_eq!(folder.pictures(), [""; 0], "{args:?}");
+    }
+}
+
+/// Ctrl-C leaves frames that are whole, and none half written.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_film_leaves_whole_frames() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    let args = [&["walk.glb"], &LOOK[..], &["--frames", "1-100000", "-o", "a.#.exr"]].concat();
+    let mut child = folder.command(&args).stderr(Stdio::piped()).spawn().unwrap();
+    let second = folder.path("a.2.exr");
+    let came = (0..1200).any(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        second.exists()
+    });
+    assert!(came);
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let names = folder.pictures();
+    assert!(names.len() >= 2);
+    names.iter().for_each(|name| assert_eq!(folder.pixels(name).len(), 3 * 16 * 12));
+}
