@@ -47,6 +47,8 @@ pub struct Origin {
     pub driver: String,
     /// The backend's name.
     pub backend: String,
+    /// What else was asked of the picture, in words, such as a limit of time; empty where nothing was.
+    pub asked: String,
 }
 
 impl Origin {
@@ -60,6 +62,7 @@ impl Origin {
             device: info.name.clone(),
             driver: info.driver(),
             backend: renderer.backend().0.name().to_owned(),
+            asked: String::new(),
         }
     }
 }
@@ -86,6 +89,9 @@ pub fn write(
                 ("Backend", origin.backend.clone()),
                 ("Settings", settings(config)),
             ];
+            if !origin.asked.is_empty() {
+                texts.push(("Asked", origin.asked.clone()));
+            }
             let glare = &config.glare;
             if glare.strength > 0.0 {
                 texts.push(("Glare", format!("strength {}, radius {}", glare.strength, glare.radius)));
@@ -142,6 +148,9 @@ pub fn exr<'a>(origin: &Origin, config: &RenderConfig, frame: &'a Frame) -> Pict
         ("parhelion:times", json(serde_json::to_string(&frame.passes))),
         ("parhelion:exposure_ev", number(frame.exposure_ev.into())),
     ];
+    if !origin.asked.is_empty() {
+        attributes.push(("parhelion:asked", text(&origin.asked)));
+    }
     if let Some(denoised) = &frame.denoised {
         attributes.push(("parhelion:denoiser", text(&denoised.by)));
     }
@@ -167,12 +176,13 @@ fn settings(config: &RenderConfig) -> String {
 /// is an `.exr`. One that can't be read is none.
 #[must_use]
 pub fn is_of(file: &Path, origin: &Origin, config: &RenderConfig, aovs: &[Aov]) -> bool {
-    let made_of = [&origin.scene_hash, &origin.backend, &settings(config)];
+    let made_of = [&origin.scene_hash, &origin.backend, &settings(config), &origin.asked];
     match extension(file).as_deref() {
         Some("exr") => output::read_exr(file).is_ok_and(|read| {
-            let keys = ["scene_hash", "backend", "settings"].map(|key| format!("parhelion:{key}"));
-            let same = keys.iter().zip(made_of).all(|(key, made_of)| {
-                matches!(read.attributes.get(key), Some(Attribute::Text(text)) if text == made_of)
+            let keys = ["scene_hash", "backend", "settings", "asked"].map(|key| format!("parhelion:{key}"));
+            let same = keys.iter().zip(made_of).all(|(key, made_of)| match read.attributes.get(key) {
+                Some(Attribute::Text(text)) => text == made_of,
+                _ => made_of.is_empty(),
             });
             let has = |aov: &Aov| {
                 let named =
@@ -182,11 +192,10 @@ pub fn is_of(file: &Path, origin: &Origin, config: &RenderConfig, aovs: &[Aov]) 
             same && aovs.iter().all(has)
         }),
         Some("png") => output::read_png_texts(file).is_ok_and(|texts| {
-            let of = |key: &str| texts.iter().find(|(keyword, _)| keyword == key).map(|(_, text)| text);
-            ["Scene hash", "Backend", "Settings"]
-                .iter()
-                .zip(made_of)
-                .all(|(key, made_of)| of(key) == Some(made_of))
+            let of =
+                |key: &str| texts.iter().find(|(keyword, _)| keyword == key).map_or("", |(_, text)| text);
+            let keys = ["Scene hash", "Backend", "Settings", "Asked"];
+            keys.iter().zip(made_of).all(|(key, made_of)| of(key) == made_of)
         }),
         _ => false,
     }
@@ -387,6 +396,7 @@ mod tests {
             device: word("device"),
             driver: word("driver 1"),
             backend: word("software"),
+            asked: String::new(),
         };
         (frame, config, origin)
     }

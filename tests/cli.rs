@@ -358,7 +358,8 @@ fn help_knows_every_word_and_needs_no_device() {
     let help = stdout(&output);
     let words = "-o --size --method --vpls --bounces --min-distance --visibility --box-split --camera --eye --look-at --fov --exposure --aov \
         --backend --pixel-samples --scene --no-headlight --config -D --device --seed --repeat --crop --stats --tap \
-        --explain --quiet -v --progress --tone-map --glare --denoise";
+        --explain --quiet -v --progress --tone-map --glare --denoise --frames --fps --animation --shutter --turntable \
+        --camera-path";
     for word in words.split_whitespace() {
         assert!(help.contains(word), "{word}");
     }
@@ -395,7 +396,7 @@ fn short_help_is_a_part_of_the_whole_in_the_same_groups() {
     let (short, whole) = (help(&["render", "-h"]), help(&["render", "--help"]));
     assert_eq!(
         groups(&whole),
-        ["Arguments", "Options", "Scene", "Light", "Picture", "Speed", "Output"],
+        ["Arguments", "Options", "Scene", "Light", "Picture", "Speed", "Output", "Film"],
         "{whole}"
     );
     assert!(2 * options(&short).len() < options(&whole).len(), "{short}");

@@ -144,6 +144,16 @@ fn what_is_there_is_left_out() {
     assert!(again(&["--vpls", "9"]).contains("frames: 3 drawn"), "other settings");
     assert!(again(&["--vpls", "9", "--aov", "albedo"]).contains("frames: 3 drawn"), "a layer more");
     assert!(again(&["--vpls", "9", "--aov", "albedo"]).contains("frames: 0 drawn"));
+    // Numbers that were not asked for before.
+    let stats = ["--vpls", "9", "--aov", "albedo", "--stats", "s.#.json"];
+    assert!(again(&stats).contains("frames: 3 drawn") && again(&stats).contains("frames: 0 drawn"));
+    let path = ["--method", "path", "--spp", "4", "--time", "60s"];
+    let path = |more: &[&str]| {
+        let args = ["walk.glb", "--size", "16x12", "--frames", "1", "-o", "p.exr", "-o", "p.png", "--resume"];
+        folder.render(&[&args[..], &path, more].concat())
+    };
+    assert!(path(&[]).contains("frames: 1 drawn") && path(&[]).contains("frames: 0 drawn in 0.0 s"));
+    assert!(path(&["--noise", "0.5"]).contains("frames: 1 drawn"));
 }
 
 #[test]
@@ -180,6 +190,63 @@ fn cameras_turn_and_follow_paths() {
     assert!(folder.pixels("way.exr") == folder.pixels("eye.exr"));
 }
 
+/// A picture of an open shutter is the mean of moments: of two samples, each alone by a shutter as good as closed.
+#[test]
+fn an_open_shutter_takes_the_mean_of_moments() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    let path = |more: &[&str]| {
+        let look = ["walk.glb", "--method", "path", "--size", "16x12", "--environment", "1,1,1", "-q"];
+        folder.render(&[&look[..], more].concat())
+    };
+    path(&[
+        "--frames",
+        "1",
+        "--fps",
+        "1",
+        "--shutter",
+        "1",
+        "--spp",
+        "64",
+        "--aov",
+        "half_a,half_b",
+        "-o",
+        "open.exr",
+    ]);
+    let blurred = folder.pixels("open.exr");
+    let layer = |name: &str| {
+        let names = ["R", "G", "B"].map(|channel| format!("{name}.{channel}"));
+        let read = read_exr(&folder.path("open.exr")).unwrap();
+        read.interleaved(&names.each_ref().map(String::as_str)).unwrap()
+    };
+    // Halves make the whole.
+    for (mean, (a, b)) in blurred.iter().zip(layer("half_a").iter().zip(layer("half_b"))) {
+        assert!((mean - 0.5 * (a + b)).abs() < 1e-4 * mean.abs().max(1.0));
+    }
+    // From the end of its way on the square stands still: an open shutter sees what a closed one does.
+    path(&["--frames", "1", "--fps", "1", "--spp", "64", "-o", "closed.exr"]);
+    assert!(blurred == folder.pixels("closed.exr"));
+    // On its way it is blurred: what is lit by the sky alone is the mean of where the square was.
+    let moving = |frames: &str, shutter: &str, name: &str| {
+        path(&["--frames", frames, "--fps", "4", "--shutter", shutter, "--spp", "256", "-o", name]);
+        folder.pixels(name)
+    };
+    let whole = moving("0", "1", "whole.exr");
+    let parts: Vec<Vec<f32>> = ["0", "16", "32", "48"]
+        .iter()
+        .map(|first| {
+            let (first, name) = (first.to_string(), format!("part{first}.exr"));
+            path(&["--frames", &first, "--fps", "256", "--shutter", "1", "--spp", "256", "-o", &name]);
+            folder.pixels(&name)
+        })
+        .collect();
+    let mean = |i: usize| parts.iter().map(|part| part[i]).sum::<f32>() / 4.0;
+    let off =
+        (0..whole.len()).map(|i| f64::from((whole[i] - mean(i)).abs())).sum::<f64>() / whole.len() as f64;
+    let apart = (0..whole.len()).map(|i| f64::from((parts[0][i] - parts[3][i]).abs())).sum::<f64>();
+    assert!(off < 0.05 && apart / whole.len() as f64 > 2.0 * off, "{off} {apart}");
+}
+
 #[test]
 fn bad_usage_is_refused_before_anything_is_drawn() {
     let folder = Folder::new();
@@ -193,9 +260,16 @@ fn bad_usage_is_refused_before_anything_is_drawn() {
         (&["--frames", "1", "--fps", "0"], &["--fps"]),
         (&["--frames", "1-2", "-o", "a.png"], &["a.png", "#"]),
         (&["--frames", "1-2", "-o", "a#.png", "--stats", "s.json"], &["s.json", "#"]),
-        (&["--frames", "1-2", "-o", "a#.png", "-o", "a##.png", "-o", "a#.png"], &["a1.png", "named twice"]),
+        (&["--frames", "1-2", "-o", "a#.png", "-o", "a##.png", "-o", "a#.png"], &["a1.png", "written twice"]),
         (&["--frames", "1", "--animation", "run"], &["--animation", "`run`", "0: pass"]),
-        (&["--animation", "pass"], &["--frames"]),
+        (&["--animation", "pass"], &["--animation: needs --frames"]),
+        (&["--frames", "9-10", "-o", "k#.exr", "-o", "k##.exr"], &["k10.exr", "written twice"]),
+        (&["--shutter", "0.5"], &["--shutter: needs --frames"]),
+        (&["--frames", "1", "--shutter", "2"], &["--shutter"]),
+        (
+            &["--frames", "1", "--shutter", "1", "--method", "path", "--noise", "0.1"],
+            &["--noise", "--shutter"],
+        ),
         (&["--frames", "1", "--explain"], &["--explain"]),
         (&["--frames", "1", "--resume", "a.exr"], &["--resume"]),
         (&["--resume"], &["--resume", "--frames"]),

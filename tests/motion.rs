@@ -380,25 +380,77 @@ fn broken_animations_are_noted_or_refused() {
     assert!(asset.load_as(&LoadOptions { strict: true, ..moving() }).unwrap().clips().is_empty());
 }
 
-/// A pose that is no scene is an error that names file and node; one that flattens a thing is none.
+/// What is scaled to nothing is not there, and may be all there is; cameras and lights stay what can be drawn with.
 #[test]
-fn impossible_poses_are_refused() {
+fn poses_with_nothing_to_see_are_empty() {
     let mut asset = square();
-    animate(&mut asset, node(1, "scale"), "STEP", &[0.0, 1.0], "VEC3", &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
-    animate(
-        &mut asset,
-        node(0, "scale"),
-        "STEP",
-        &[0.0, 1.0, 2.0],
-        "VEC3",
-        &[1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0],
-    );
+    let steps = |last: [f32; 3]| [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], last].concat();
+    animate(&mut asset, node(1, "scale"), "STEP", &[0.0, 1.0, 2.0], "VEC3", &steps([0.0; 3]));
+    animate(&mut asset, node(0, "scale"), "STEP", &[0.0, 1.0, 2.0], "VEC3", &steps([0.0; 3]));
+    animate(&mut asset, node(2, "scale"), "STEP", &[0.0, 1.0, 2.0], "VEC3", &steps([0.0; 3]));
     let scene = load(&asset);
-    let error = scene.pose(&[0], 1.0).unwrap_err();
-    assert!(error.element == "nodes[1]" && error.problem.contains("no direction"), "{error}");
-    assert_eq!(scene.pose(&[1], 1.0).unwrap().instances.len(), 1);
-    let error = scene.pose(&[1], 2.0).unwrap_err();
+    assert_eq!(scene.pose(&[0, 1, 2], 1.0).unwrap().instances.len(), 1, "flat");
+    let pose = scene.pose(&[0, 1, 2], 2.0).unwrap();
+    assert_eq!((pose.instances.len(), &pose.cameras), (0, &scene.cameras));
+    assert_eq!((pose.lights.len(), pose.lights[0].intensity), (1, Vec3::ZERO));
+    pose.validate().unwrap();
+    // At rest, too; nothing at any time is refused.
+    let mut asset = square();
+    asset.json["nodes"][0]["scale"] = json!([0, 0, 0]);
+    animate(&mut asset, node(0, "scale"), "STEP", &[0.0, 1.0], "VEC3", &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    let scene = load(&asset);
+    assert_eq!((scene.instances.len(), scene.pose(&[0], 1.0).unwrap().instances.len()), (0, 1));
+    asset.json["meshes"][0]["primitives"] = json!([{"attributes": {"POSITION": 0}, "mode": 0}]);
+    let error = asset.load_as(&moving()).unwrap_err();
     assert!(error.problem.contains("no triangle"), "{error}");
+}
+
+/// Integers are what extensions may store, and what lies out of range is brought into it.
+#[test]
+fn values_are_read_as_they_are_stored() {
+    let mut asset = square();
+    asset.push("extensionsUsed", "KHR_node_visibility".into());
+    let times = asset.accessor(bytemuck::cast_slice(&[0.0_f32, 1.0]), F32, "SCALAR", 2);
+    let visible = asset.accessor(&[1, 0], U8, "SCALAR", 2);
+    let sampler = json!({"input": times, "output": visible, "interpolation": "STEP"});
+    let target = pointer("/nodes/0/extensions/KHR_node_visibility/visible");
+    let channel = json!({"sampler": 0, "target": target});
+    asset.push("animations", json!({"channels": [channel], "samplers": [sampler]}));
+    animate(&mut asset, pointer("/cameras/0/perspective/yfov"), "LINEAR", &[0.0, 1.0], "SCALAR", &[0.0, 9.0]);
+    animate(&mut asset, pointer("/cameras/0/perspective/znear"), "STEP", &[0.0], "SCALAR", &[1.0]);
+    let transform =
+        "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/offset";
+    animate(&mut asset, pointer(transform), "STEP", &[0.0], "VEC2", &[1.0, 1.0]);
+    let long = [0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 2.0];
+    animate(&mut asset, node(0, "rotation"), "LINEAR", &[0.0, 3.0], "VEC4", &long);
+    let scene = asset.load_as(&moving()).unwrap();
+    assert_eq!(scene.clips().iter().map(|clip| clip.index).collect::<Vec<_>>(), [0, 1, 4]);
+    let told = |words: &str| scene.notes.iter().filter(|note| note.contains(words)).count();
+    assert_eq!((told("stays at rest"), told("normalised")), (1, 1), "{:?}", scene.notes);
+    let shown = |time| scene.pose(&[0], time).unwrap().instances.len();
+    assert_eq!((shown(0.5), shown(1.0)), (1, 0));
+    for time in [0.0, 1.0] {
+        scene.pose(&[1], time).unwrap().validate().unwrap();
+    }
+    let turned = scene.pose(&[2], 1.0).unwrap().instances[0].transform;
+    assert!(turned.abs_diff_eq(Affine3A::from_rotation_y(FRAC_PI_2 / 3.0), 1e-6));
+    // An accessor that can't be typed is the channel's defect alone.
+    for (key, value) in [("componentType", json!(1234)), ("type", json!("FOO")), ("count", json!(-3))] {
+        let mut broken = square();
+        animate(&mut broken, node(0, "translation"), "STEP", &[0.0], "VEC3", &[1.0, 0.0, 0.0]);
+        animate(&mut broken, node(0, "scale"), "STEP", &[0.0], "VEC3", &[1.0; 3]);
+        let last = broken.json["accessors"].as_array().unwrap().len() - 1;
+        broken.json["accessors"][last][key] = value;
+        let scene = load(&broken);
+        assert_eq!(scene.clips().len(), 1);
+        let told = scene.notes.iter().filter(|note| note.starts_with("animations[1].channels[0]")).count();
+        assert_eq!(
+            (told, scene.notes.len()),
+            (1, 1 + square().load().unwrap().notes.len()),
+            "{:?}",
+            scene.notes
+        );
+    }
 }
 
 /// Against values worked out from the files by hand.

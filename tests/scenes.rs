@@ -5,6 +5,7 @@ mod make;
 
 use glam::{Mat4, Vec3};
 use gltf::Gltf;
+use parhelion::scene::{self, LoadOptions, Scene};
 use std::collections::BTreeMap;
 
 /// Triangles in the world with the name of their node, and the file's lights and cameras.
@@ -141,4 +142,72 @@ fn normals_agree_with_windings() {
             }
         }
     }
+}
+
+/// At a time of all clips, with the names of its instances.
+fn posed(name: &str, share: f64) -> Scene {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let scene = scene::load(&path, &LoadOptions { motion: true, strict: true, ..LoadOptions::default() });
+    let scene = scene.unwrap_or_else(|error| panic!("{error}"));
+    let clips = scene.clips_together();
+    assert_eq!(clips.len(), scene.clips().len(), "{name}: clips move different things");
+    let end = scene.clips().iter().map(|clip| clip.end()).fold(0.0, f64::max);
+    scene.pose(&clips, share * end).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// World triangles of the instance of this name.
+fn of<'a>(scene: &'a Scene, name: &str) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+    let instance = scene.instances.iter().find(|instance| instance.name == name).unwrap();
+    let mesh = &scene.meshes[instance.mesh as usize];
+    mesh.triangles.iter().map(|t| t.map(|v| instance.transform.transform_point3(mesh.positions[v as usize])))
+}
+
+#[test]
+fn what_moves_stays_in_its_room() {
+    for name in ["cornell-moving.glb", "office-moving.glb", "conference-walk.glb"] {
+        let mut seen = Vec::new();
+        let shell = if name.starts_with("cornell") { "room" } else { "shell" };
+        for share in [0.0, 0.13, 0.31, 0.5, 0.62, 0.87, 1.0] {
+            let scene = posed(name, share);
+            let walls = of(&scene, shell).flatten();
+            let (low, high) =
+                walls.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+            let (low, high) = (low - 1e-4, high + 1e-4);
+            assert!(
+                scene.world_triangles().flatten().all(|p| p.cmpge(low).all() && p.cmple(high).all()),
+                "{name} at {share}"
+            );
+            for light in &scene.lights {
+                let near = scene.world_triangles().map(|t| distance_to_triangle(light.position, t));
+                assert!(
+                    near.fold(f32::INFINITY, f32::min) > 0.12,
+                    "{name} at {share}: {} touches",
+                    light.name
+                );
+            }
+            seen.push(scene.fingerprint(&scene.cameras[0]));
+        }
+        seen.sort_unstable();
+        seen.dedup();
+        assert!(seen.len() >= 6, "{name} moves");
+    }
+}
+
+/// Of about 20 000 triangles, its soles on the floor wherever it is, both feet never far from it.
+#[test]
+fn the_figure_walks_on_the_floor() {
+    let mut along = Vec::new();
+    for step in 0..16 {
+        let scene = posed("conference-walk.glb", f64::from(step) / 15.0);
+        let corners: Vec<Vec3> = of(&scene, "figure").flatten().collect();
+        assert!((18_000..22_000).contains(&(corners.len() / 3)), "{}", corners.len() / 3);
+        let lowest = corners.iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
+        let highest = corners.iter().map(|p| p.y).fold(0.0, f32::max);
+        assert!(
+            (0.0..0.012).contains(&lowest) && (1.6..1.9).contains(&highest),
+            "{step}: {lowest} to {highest}"
+        );
+        along.push(corners.iter().map(|p| p.x).sum::<f32>() / corners.len() as f32);
+    }
+    assert!(along.is_sorted_by(|a, b| a > b) && along[0] - along[15] > 5.0, "{along:?}");
 }

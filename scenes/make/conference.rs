@@ -1,5 +1,6 @@
 //! A conference room, 9 × 6 × 3.2 m, at night: lacquered table, mirrors, glass, four lamps.
 
+use super::figure::figure;
 use super::furniture::{door, panel_lamp, picture, plant, rod, shell_chair, skirting};
 use super::glb::{Document, Model};
 use super::shape::{Dice, Shape, curve, superellipse};
@@ -462,7 +463,21 @@ fn meeting(d: &mut Document) {
 
 pub(crate) fn conference() -> Vec<u8> {
     let mut document = Document::new("conference");
+    furnish(&mut document);
+    document.into_glb()
+}
+
+/// The same, and somebody who walks along the panelling.
+pub(crate) fn walk() -> Vec<u8> {
+    let mut document = Document::new("conference-walk");
     let d = &mut document;
+    furnish(d);
+    figure(d, [7.9, 0.001, 5.25], -90.0, 4.8);
+    d.camera("walk", [2.0, 1.5, 4.2], [5.2, 0.9, 5.2], 55.0, 4.0 / 3.0);
+    document.into_glb()
+}
+
+fn furnish(d: &mut Document) {
     shell(d);
     carpet(d);
     overhead(d);
@@ -531,5 +546,4 @@ pub(crate) fn conference() -> Vec<u8> {
     d.camera("main", [0.75, 1.75, 5.35], [5.6, 0.85, 2.3], 52.0, 4.0 / 3.0);
     d.camera("screen", [8.35, 1.7, 1.5], [2.6, 0.8, 3.9], 52.0, 4.0 / 3.0);
     d.camera("table", [3.0, 1.25, 4.4], [4.6, 0.75, 2.7], 45.0, 4.0 / 3.0);
-    document.into_glb()
 }

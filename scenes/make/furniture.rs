@@ -299,15 +299,23 @@ pub(crate) fn picture(d: &mut Document, width: f64, height: f64, frame: Paint, d
 
 /// A panelled door of 0.9 × 2.05 m with its frame, standing before a wall at z = 0; hinges at −X.
 pub(crate) fn door(d: &mut Document, leaf: Paint, trim: Paint) -> Model {
+    let (mut frame, panel) = door_in_parts(d, leaf, trim);
+    frame.merge(&panel, DAffine3::IDENTITY);
+    frame
+}
+
+/// Its frame, and its leaf with hinges and handle.
+pub(crate) fn door_in_parts(d: &mut Document, leaf: Paint, trim: Paint) -> (Model, Model) {
     let metal = d.matte("brass", 0xb0935a);
+    let mut frame = Model::new();
     let mut m = Model::new();
     for side in [-1.0, 1.0] {
-        m.add(
+        frame.add(
             trim,
             Shape::block([-0.04, 0.001, 0.001], [0.04, 2.09, 0.035], 0.006).at(0.495 * side, 0.0, 0.0),
         );
     }
-    m.add(trim, Shape::block([-0.535, 2.0905, 0.001], [0.535, 2.17, 0.035], 0.006));
+    frame.add(trim, Shape::block([-0.535, 2.0905, 0.001], [0.535, 2.17, 0.035], 0.006));
     m.add(leaf, Shape::block([-0.45, 0.008, 0.001], [0.45, 2.085, 0.016], 0.002));
     // Stiles and rails proud of the leaf leave three sunk panels.
     for (min, max) in [
@@ -336,7 +344,7 @@ pub(crate) fn door(d: &mut Document, leaf: Paint, trim: Paint) -> Model {
     for height in [0.25, 1.03, 1.82] {
         m.add(metal, Shape::cylinder([-0.452, height, 0.032], 0.008, 0.09, 8));
     }
-    m
+    (frame, m)
 }
 
 /// A venetian blind hanging down from the origin: `slats` bent slats, turned by `tilt` degrees.

@@ -1,32 +1,44 @@
 //! A furnished office, 4.8 × 4.2 × 2.7 m, two lamps.
 
 use super::furniture::{
-    blind, books, desk_lamp, door, mug, panel_lamp, picture, plant, put, rod, side_chair, skirting,
-    task_chair,
+    blind, books, desk_lamp, door, door_in_parts, mug, panel_lamp, picture, plant, put, rod, side_chair,
+    skirting, task_chair,
 };
-use super::glb::{Document, Model, Paint};
+use super::glb::{Document, Model, Moved, NodeId, Paint};
 use super::shape::{Dice, Shape, curve};
 use super::shell::{Shell, Side, recess};
-use glam::{DAffine3, DVec3, dvec2, dvec3};
+use glam::{DAffine3, DQuat, DVec3, dvec2, dvec3};
 
 const WIDTH: f64 = 4.8;
 const DEPTH: f64 = 4.2;
 const HEIGHT: f64 = 2.7;
 
-/// Walls with a window niche in the north.
-fn shell(d: &mut Document) {
+/// Walls with a window niche in the north and, if the door `opens`, what is behind it.
+fn shell(d: &mut Document, opens: bool) {
     let (wall, ceiling, screed) =
         (d.matte("wall", 0xd9d3c4), d.matte("ceiling", 0xe4e2dc), d.matte("screed", 0x8a7d6d));
     let (accent, sky) = (d.matte("accent wall", 0x9fb0a4), d.matte("sky", 0xa9c4dd));
-    let shell = Shell { x: &[0.0, 0.9, 3.1, WIDTH], y: &[-0.013, 0.95, 2.3, HEIGHT], z: &[0.0, 2.1, DEPTH] };
+    let x = [0.0, 0.9, 3.1, WIDTH];
+    let still = Shell { x: &x, y: &[-0.013, 0.95, 2.3, HEIGHT], z: &[0.0, 2.1, DEPTH] };
+    let opening = Shell { x: &x, y: &[-0.013, 0.95, 2.09, 2.3, HEIGHT], z: &[0.0, 1.55, 2.45, DEPTH] };
+    let shell = if opens { opening } else { still };
     let mut m = shell.model(|side, i, j| match side {
-        Side::North if (i, j) == (1, 1) => None,
+        Side::North if i == 1 && (j == 1 || opens && j == 2) => None,
+        Side::East if opens && i == 1 && j < 2 => None,
         Side::Floor => Some(screed),
         Side::Ceiling => Some(ceiling),
         Side::East => Some(accent),
         _ => Some(wall),
     });
-    recess(&mut m, shell.cell(Side::North, 1, 1), dvec3(0.0, 0.0, -0.3), wall, sky);
+    let hole = |side, i, j, upper| {
+        let ([a, b, ..], [.., c, e]) = (shell.cell(side, i, j), shell.cell(side, i, upper));
+        [a, b, c, e]
+    };
+    recess(&mut m, hole(Side::North, 1, 1, if opens { 2 } else { 1 }), dvec3(0.0, 0.0, -0.3), wall, sky);
+    if opens {
+        let corridor = d.matte("corridor", 0x8f9aa8);
+        recess(&mut m, hole(Side::East, 1, 0, 1), dvec3(0.9, 0.0, 0.0), wall, corridor);
+    }
     d.add("shell", &m);
 }
 
@@ -411,8 +423,53 @@ fn plate(paint: Paint, knob: Paint) -> Model {
 
 pub(crate) fn office() -> Vec<u8> {
     let mut document = Document::new("office");
+    furnish(&mut document, None);
+    document.into_glb()
+}
+
+/// The same for 6 s: the chair turns, the door opens and a lamp is carried through.
+pub(crate) fn moving() -> Vec<u8> {
+    let mut document = Document::new("office-moving");
+    let mut moved = None;
     let d = &mut document;
-    shell(d);
+    furnish(d, Some(&mut moved));
+    let (chair, leaf) = moved.expect("they were placed");
+    let steel = d.matte("brushed steel", 0x9a9da1);
+    let mut lamp = Model::new();
+    lamp.add(d.matte("lamp shade", 0xd8c9a3), Shape::lathe(&[(0.05, 0.3), (0.09, 0.16)], 24));
+    lamp.add(steel, Shape::tube(&curve(&[[0.0, 0.3, 0.0], [0.0, 0.5, 0.0]], 2), 0.004, 6));
+    lamp.add(steel, Shape::cylinder([0.0, 0.29, 0.0], 0.05, 0.012, 24));
+    let mesh = d.mesh("carried lamp", &lamp);
+    d.place("carried lamp", mesh, [4.2, 1.3, 2.0], 0.0);
+    let carried = d.last();
+    d.light("carried light", [0.0, 0.0, 0.0], [1.0, 0.86, 0.62], 14.0);
+    d.hang(carried, 1);
+
+    let turn = |degrees: f64| DQuat::from_rotation_y(degrees.to_radians()).to_array().to_vec();
+    let round = (0..=12).map(|i| (0.5 * f64::from(i), turn(205.0 + 60.0 * f64::from(i))));
+    d.animate("chair", Moved::Rotation(chair), &round.collect::<Vec<_>>());
+    let swing = [(0.0, 0.0), (0.5, 0.0), (1.5, -35.0), (2.5, -82.0), (4.5, -82.0), (6.0, 0.0)];
+    d.animate("door", Moved::Rotation(leaf), &swing.map(|(time, degrees)| (time, turn(degrees))));
+    let way = [
+        [4.2, 1.3, 2.0],
+        [3.8, 1.32, 2.5],
+        [3.1, 1.3, 2.9],
+        [2.3, 1.34, 3.0],
+        [1.5, 1.3, 2.8],
+        [1.0, 1.33, 2.2],
+        [0.95, 1.3, 1.5],
+    ];
+    let steps = curve(&way, 4);
+    let last = steps.len() - 1;
+    let keys = steps.iter().enumerate().map(|(i, at)| (6.0 * i as f64 / last as f64, at.to_array().to_vec()));
+    d.animate("lamp", Moved::Translation(carried), &keys.collect::<Vec<_>>());
+    document.into_glb()
+}
+
+/// Everything in the room; of one that `moves` the chair and the door's leaf are told.
+fn furnish(d: &mut Document, moves: Option<&mut Option<(NodeId, NodeId)>>) {
+    let opens = moves.is_some();
+    shell(d, opens);
     floor(d);
     overhead(d);
     window(d);
@@ -433,9 +490,22 @@ pub(crate) fn office() -> Vec<u8> {
     d.add("skirting", &base);
 
     let (leaf, walnut) = (d.matte("door leaf", 0xb9b29f), d.matte("walnut", 0x7d5638));
-    let model = door(d, leaf, trim);
-    let mesh = d.mesh("door", &model);
-    d.place("door", mesh, [WIDTH, 0.0, 2.0], -90.0);
+    let mut hinged = None;
+    if opens {
+        let (frame, panel) = door_in_parts(d, leaf, trim);
+        let mesh = d.mesh("door frame", &frame);
+        d.place("door frame", mesh, [WIDTH, 0.0, 2.0], -90.0);
+        // Hinges are at the leaf's left edge.
+        let mut on_hinges = Model::new();
+        on_hinges.merge(&panel, DAffine3::from_translation(DVec3::new(0.452, 0.0, -0.032)));
+        let mesh = d.mesh("door", &on_hinges);
+        d.place("door hinges", mesh, [WIDTH - 0.032, 0.0, 2.0 - 0.452], -90.0);
+        hinged = Some(d.last());
+    } else {
+        let model = door(d, leaf, trim);
+        let mesh = d.mesh("door", &model);
+        d.place("door", mesh, [WIDTH, 0.0, 2.0], -90.0);
+    }
     let (white, grey) = (d.matte("white plastic", 0xdedcd6), d.matte("lamp rim", 0xb9bbbd));
     let mesh = d.mesh("wall plate", &plate(white, grey));
     d.place("light switch", mesh, [WIDTH, 1.1, 2.65], -90.0);
@@ -455,6 +525,9 @@ pub(crate) fn office() -> Vec<u8> {
     let model = task_chair(d, "chair fabric", 0x46688a);
     let mesh = d.mesh("task chair", &model);
     d.place("task chair", mesh, [2.15, 0.011, 1.62], 205.0);
+    if let Some(moves) = moves {
+        *moves = hinged.map(|hinged| (d.last(), hinged));
+    }
     let model = side_chair(d, "visitor fabric", 0xb0603c);
     let mesh = d.mesh("visitor chair", &model);
     d.place("visitor chair", mesh, [4.32, 0.0, 0.95], -75.0);
@@ -493,11 +566,10 @@ pub(crate) fn office() -> Vec<u8> {
     let mesh = d.mesh("clock", &model);
     d.place("clock", mesh, [WIDTH, 2.4, 2.0], -90.0);
 
-    let warm = [1.0, 0.93, 0.82];
-    d.light("lamp north", [1.5, 2.2, 1.5], warm, 30.0);
-    d.light("lamp south", [3.3, 2.2, 2.7], warm, 30.0);
+    let (warm, intensity) = ([1.0, 0.93, 0.82], if opens { 8.0 } else { 30.0 });
+    d.light("lamp north", [1.5, 2.2, 1.5], warm, intensity);
+    d.light("lamp south", [3.3, 2.2, 2.7], warm, intensity);
     d.camera("main", [0.7, 1.6, 4.0], [2.6, 0.88, 0.75], 57.0, 4.0 / 3.0);
     d.camera("door", [4.45, 1.6, 3.4], [1.1, 0.85, 1.0], 55.0, 4.0 / 3.0);
     d.camera("desk", [2.95, 1.3, 1.75], [1.75, 0.82, 0.5], 42.0, 4.0 / 3.0);
-    document.into_glb()
 }

@@ -166,20 +166,27 @@ pub(super) struct Settings {
 /// Frames of a film.
 #[derive(clap::Args)]
 pub(super) struct Film {
-    /// Frames of a film, such as 1-240 or 17: frame N shows the scene at N/fps seconds.
+    /// Frames of a film, such as 1-240 or 17.
     ///
-    /// Names of its files have a # or more where the frame's number goes.
+    /// Frame N shows the scene at N/fps seconds. Names of its files have a # or more where the frame's number goes.
     #[arg(long, value_name = "A-B", help_heading = FILM, value_parser = frames)]
     pub(super) frames: Option<RangeInclusive<u32>>,
     /// Frames a second [default: 24].
     #[arg(long, value_name = "N", help_heading = FILM, value_parser = rate)]
     pub(super) fps: Option<f64>,
-    /// Animation of the scene, by name or index [default: the first, and others that move other things].
-    #[arg(long, value_name = "NAME|INDEX", help_heading = FILM, requires = "frames")]
-    pub(super) animation: Option<String>,
-    /// Turn the camera once around the scene in N frames, or around --look-at.
+    /// Animation, by name or index [default: all that go together].
     ///
-    /// Frame 1 is where it begins, frame N a step before it is there again.
+    /// Those go together that move different things.
+    #[arg(long, value_name = "NAME|INDEX", help_heading = FILM)]
+    pub(super) animation: Option<String>,
+    /// Blur by motion: the shutter is open for this share of a frame's time, 0 to 1, by --method path.
+    ///
+    /// It opens at the frame's time. Samples are spread over up to 64 moments; layers other than the picture are of the last.
+    #[arg(long, value_name = "SHARE", help_heading = FILM, hide_short_help = true, value_parser = share)]
+    pub(super) shutter: Option<f64>,
+    /// Turn the camera once around the scene in N frames.
+    ///
+    /// A camera of --eye turns around --look-at. Frame 1 is where it begins, frame N a step before it is there again.
     #[arg(long, value_name = "N", help_heading = FILM, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(super) turntable: Option<u32>,
     /// Move the camera through positions by key times.
@@ -652,6 +659,11 @@ fn frames(text: &str) -> Result<RangeInclusive<u32>, String> {
         .filter(|(first, last)| first <= last)
         .map(|(first, last)| first..=last)
         .ok_or_else(expected)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let parsed = text.parse().ok().filter(|share: &f64| (0.0..=1.0).contains(share));
+    parsed.ok_or_else(|| "expected a share from 0 to 1, such as 0.5".into())
 }
 
 fn rate(text: &str) -> Result<f64, String> {

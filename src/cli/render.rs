@@ -15,10 +15,12 @@ use crate::config::RenderConfig;
 use crate::denoise::Denoiser;
 use crate::output::{self, extension};
 use crate::picture::{self, Origin};
-use crate::renderer::{self, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume};
+use crate::renderer::{
+    self, Aov, Frame, FrameRequest, NotFinite, Preview, Renderer, RendererOptions, Resume,
+};
 use crate::scene::{Camera, Environment, Scene, SceneProfile};
 use crate::text;
-use crate::vk::DeviceKind;
+use crate::vk::{self, DeviceKind};
 use glam::Vec3;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -49,7 +51,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
         config.method.check_layers(&config, &args.aov).map_err(|error| input!("--aov: {error}"))?;
     }
     let denoiser = denoiser(args)?;
-    let sequence = Sequence::of(args)?;
+    let sequence = Sequence::of(args, &config)?;
     let files = files(args, sequence.as_ref())?;
     interrupt::listen()?;
     let job = Job { args, denoiser, reporter: Reporter::new(&args.machine), name: scene::name(&args.common) };
@@ -85,7 +87,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     // Times are of renders that nothing interrupts.
     let preview = (args.repeat.is_none() && chosen.is_none())
         .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show });
-    let watch = Watch { alone: true, resume: resume.as_ref(), preview, progress: &progress };
+    let watch = Watch { film: None, resume: resume.as_ref(), preview, progress: &progress };
     let drawn = job.draw(&mut renderer, &camera, &config, chosen.as_ref(), &files, &watch)?;
     let Job { reporter, .. } = job;
     drop(reporter);
@@ -102,8 +104,8 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
 
 /// How a picture comes about.
 struct Watch<'a> {
-    /// No other picture is behind it.
-    alone: bool,
+    /// What it is a frame of.
+    film: Option<&'a Sequence>,
     resume: Option<&'a Resume>,
     preview: Option<Preview<'a>>,
     progress: &'a dyn Fn(renderer::Progress<'_>),
@@ -140,6 +142,10 @@ impl Job<'_> {
         if base.motion.is_none() && sequence.is_timed() {
             reporter.note("nothing moves in the scene: it has no animation that can be played");
         }
+        if sequence.blurs() && config.method.progressive.is_none() && wish.is_none() {
+            let name = config.method.name;
+            reporter.note(&format!("motion blur is left out (--shutter): --method {name} draws a moment"));
+        }
         if sequence.count() > 1 && config.tone_map.exposure.is_none() && files.shows_screens() {
             reporter.note("each .png has an exposure of its own: --exposure keeps brightness even");
         }
@@ -155,23 +161,21 @@ impl Job<'_> {
             if interrupt::CANCEL.load(Ordering::SeqCst) {
                 return Err(renderer::Error::Cancelled.into());
             }
-            let (scene, camera) = sequence.shot(args, base, &clips, frame)?;
             let of_frame = files.of_frame(frame);
-            let renderer = match &mut kept {
-                Some(renderer) => {
-                    renderer.set_scene(scene).map_err(|error| scene::unbuilt(&args.common, error))?;
-                    renderer
-                }
-                none => none.insert(scene::build(&device, scene, &args.common, options)?),
-            };
+            let samples = config.method.progressive.as_ref().map(|method| (method.samples)(&config));
+            let moments = sequence.moments(frame, samples);
+            let (&(last_moment, _), earlier) = moments.split_last().expect("there is one at least");
+            let (scene, camera) = sequence.shot(args, base, &clips, last_moment)?;
+            let renderer = self.place(&mut kept, &device, scene, options)?;
             let mut chosen = None;
             if wish.is_some() {
                 // All frames have the settings of the first.
                 (config, chosen) = self.chosen(config, wish.take(), renderer, &camera)?;
             }
-            let origin = Origin::of(renderer, &camera);
+            let origin = Origin { asked: sequence.asked(args), ..Origin::of(renderer, &camera) };
             let there = |file: &PathBuf| picture::is_of(file, &origin, &config, &args.aov);
-            if args.resume.is_some() && of_frame.pictures.iter().all(there) {
+            let others = || of_frame.taps.iter().chain(&of_frame.stats).all(|file| file.exists());
+            if args.resume.is_some() && of_frame.pictures.iter().all(there) && others() {
                 left_out += 1;
                 continue;
             }
@@ -187,7 +191,19 @@ impl Job<'_> {
                 let done = (index as f64 + progress.done) / count as f64;
                 reporter.progress(renderer::Progress { pass: &pass, done });
             };
-            let watch = Watch { alone: false, resume: None, preview: None, progress: &progress };
+            let mut grown = None;
+            for &(moment, end) in earlier {
+                let (scene, camera) = sequence.shot(args, base, &clips, moment)?;
+                let renderer = self.place(&mut kept, &device, scene, options)?;
+                grown = Some(self.grow(renderer, &camera, &config, end, grown.as_ref(), &progress)?);
+            }
+            if !earlier.is_empty() {
+                let (scene, _) = sequence.shot(args, base, &clips, last_moment)?;
+                self.place(&mut kept, &device, scene, options)?;
+            }
+            let renderer = kept.as_mut().expect("it was placed");
+            let watch =
+                Watch { film: Some(sequence), resume: grown.as_ref(), preview: None, progress: &progress };
             let picture = self.draw(renderer, &camera, &config, chosen.as_ref(), &of_frame, &watch)?;
             if let Some(error) = picture.failed {
                 return Err(error.into());
@@ -200,7 +216,7 @@ impl Job<'_> {
             last = Some(picture.report);
         }
         let mut report = last.unwrap_or_default();
-        let seconds: f64 = drawn.iter().sum();
+        let seconds = drawn.iter().fold(0.0, |sum, seconds| sum + seconds);
         let _ = writeln!(
             report,
             "frames: {} drawn in {seconds:.1} s, {left_out} left out: they are there",
@@ -211,6 +227,52 @@ impl Job<'_> {
             print(&report)?;
         }
         Ok(())
+    }
+
+    /// The renderer of a film, with this scene.
+    fn place<'a>(
+        &self,
+        kept: &'a mut Option<Renderer>,
+        device: &vk::Device,
+        scene: Scene,
+        options: &RendererOptions,
+    ) -> Result<&'a mut Renderer, Failure> {
+        match kept {
+            Some(renderer) => {
+                renderer.set_scene(scene).map_err(|error| scene::unbuilt(&self.args.common, error))?;
+                Ok(renderer)
+            }
+            none => Ok(none.insert(scene::build(device, scene, &self.args.common, options)?)),
+        }
+    }
+
+    /// What a progressive picture has come to after this moment, by `samples` in all.
+    fn grow(
+        &self,
+        renderer: &mut Renderer,
+        camera: &Camera,
+        config: &RenderConfig,
+        samples: u32,
+        before: Option<&Resume>,
+        progress: &dyn Fn(renderer::Progress<'_>),
+    ) -> Result<Resume, Failure> {
+        let mut config = config.clone();
+        config.path_trace.spp = samples;
+        let halves = self.args.aov.iter().any(|aov| aov.takes_halves());
+        let request = FrameRequest {
+            aovs: if halves { &[Aov::HalfA, Aov::HalfB] } else { &[] },
+            resume: before,
+            cancel: Some(&interrupt::CANCEL),
+            progress: Some(progress),
+            ..FrameRequest::default()
+        };
+        let frame = renderer.render(&config, camera, &request)?;
+        if frame.samples != Some(samples) {
+            return Err(renderer::Error::Cancelled.into());
+        }
+        let mut layers = frame.aovs.into_iter().map(|(_, layer)| layer);
+        let halves = layers.next().zip(layers.next()).map(|(a, b)| [a, b]);
+        Ok(Resume { samples, mean: frame.beauty, halves, rates: None })
     }
 
     /// Draws a picture and writes what is asked for of it.
@@ -225,7 +287,10 @@ impl Job<'_> {
     ) -> Result<Drawn, Failure> {
         let Self { args, reporter, name, .. } = self;
         let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
-        let origin = Origin::of(renderer, camera);
+        let mut origin = Origin::of(renderer, camera);
+        if let Some(film) = watch.film {
+            origin.asked = film.asked(args);
+        }
         let profile = renderer.profile(config.whitted.mirror_roughness);
         let left_out = (config.method.left_out)(&profile, config);
         let request = FrameRequest {
@@ -243,9 +308,16 @@ impl Job<'_> {
             ..FrameRequest::default()
         };
         let frame = renderer.render(config, camera, &request)?;
+        let target =
+            config.method.progressive.as_ref().map_or(0, |progressive| (progressive.samples)(config));
+        let short = frame.samples.is_some_and(|n| n < target);
+        if watch.film.is_some() && short && interrupt::CANCEL.load(Ordering::SeqCst) {
+            // A frame that is there is a whole one.
+            return Err(renderer::Error::Cancelled.into());
+        }
         interrupt::finishing();
 
-        if watch.alone {
+        if watch.film.is_none() {
             reporter.stage("write", name);
         }
         let mut written = String::new();
@@ -343,8 +415,7 @@ impl Job<'_> {
             output::write_file(file, |out| writeln!(out, "{stats:#}"))?;
             let _ = writeln!(report, "{}: statistics", text::path(file));
         }
-        let target = config.method.progressive.map_or(0, |progressive| (progressive.samples)(config));
-        let cut = interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_some_and(|n| n < target);
+        let cut = interrupt::CANCEL.load(Ordering::SeqCst) && short;
         Ok(Drawn { report, failed, cut })
     }
 }

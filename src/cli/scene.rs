@@ -101,7 +101,9 @@ pub(super) fn load_with(
         scene.notes.retain(|note| note != FRAMED);
     }
     scene.environment = environment.or(scene.environment);
-    let shines = |scene: &Scene| scene.environment.is_some() || SceneProfile::of(scene, 0.0).emission;
+    let shines = |scene: &Scene| {
+        scene.environment.is_some() || scene.may_shine() || SceneProfile::of(scene, 0.0).emission
+    };
     if scene.lights.is_empty() && !args.no_headlight && !shines(&scene) {
         scene.add_headlight(&camera);
     }

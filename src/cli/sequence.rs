@@ -4,8 +4,10 @@ use super::args::Render;
 use super::failure::{Failure, input};
 use super::progress::Reporter;
 use super::scene;
+use crate::config::RenderConfig;
 use crate::output::extension;
 use crate::scene::{Camera, CameraPath, Scene};
+use std::collections::HashSet;
 use std::f32::consts::TAU;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -14,8 +16,13 @@ use std::path::{Path, PathBuf};
 pub(super) struct Sequence {
     pub(super) frames: RangeInclusive<u32>,
     fps: f64,
+    /// Share of a frame's time that the shutter is open.
+    shutter: f64,
     way: Way,
 }
+
+/// Most moments that the samples of a frame are spread over.
+const MOMENTS: u32 = 64;
 
 /// What the camera does.
 enum Way {
@@ -56,7 +63,7 @@ impl Files {
 
 impl Sequence {
     /// The film asked for, if one is.
-    pub(super) fn of(args: &Render) -> Result<Option<Self>, Failure> {
+    pub(super) fn of(args: &Render, config: &RenderConfig) -> Result<Option<Self>, Failure> {
         let film = &args.film;
         let way = match (&film.turntable, &film.camera_path) {
             (Some(count), _) => Way::Turntable(*count),
@@ -70,6 +77,8 @@ impl Sequence {
             (Some(frames), _) => frames.clone(),
             (None, Way::Turntable(count)) => 1..=*count,
             (None, _) if film.fps.is_some() => return Err(input!("--fps: needs --frames")),
+            (None, _) if film.shutter.is_some() => return Err(input!("--shutter: needs --frames")),
+            (None, _) if film.animation.is_some() => return Err(input!("--animation: needs --frames")),
             (None, _) if matches!(args.resume, Some(None)) => {
                 return Err(input!("--resume: needs the picture to go on from, or --frames"));
             }
@@ -83,7 +92,18 @@ impl Sequence {
         if let Some((_, option)) = single.iter().find(|(given, _)| *given) {
             return Err(input!("{option}: of a single picture, not of --frames"));
         }
-        Ok(Some(Self { frames, fps: film.fps.unwrap_or(24.0), way }))
+        let shutter = film.shutter.unwrap_or(0.0);
+        let ends = [(args.time.is_some(), "--time"), (args.noise.is_some(), "--noise")];
+        let progressive = config.method.progressive.as_ref();
+        let adapts = progressive.is_some_and(|method| (method.adaptive)(config));
+        for (given, option) in
+            ends.into_iter().chain([(adapts, "--adaptive"), (args.repeat.is_some(), "--repeat")])
+        {
+            if given && shutter > 0.0 {
+                return Err(input!("{option}: not with --shutter, whose samples are spread over time"));
+            }
+        }
+        Ok(Some(Self { frames, fps: film.fps.unwrap_or(24.0), shutter, way }))
     }
 
     /// Whether the scene is expected to move.
@@ -95,16 +115,40 @@ impl Sequence {
         self.frames.clone().count()
     }
 
-    /// Seconds from the film's beginning, which is frame 0.
-    pub(super) fn time(&self, frame: u32) -> f64 {
-        f64::from(frame) / self.fps
+    /// What is asked of its frames beside settings, in words.
+    pub(super) fn asked(&self, args: &Render) -> String {
+        let time = args.time.map(|time| format!("time {time:?}"));
+        let noise = args.noise.map(|noise| format!("noise {noise}"));
+        let denoised = args.denoise.then(|| "denoised".to_owned());
+        let shutter =
+            self.blurs().then(|| format!("shutter {} at {} frames a second", self.shutter, self.fps));
+        [time, noise, denoised, shutter].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
+
+    /// Whether motion blurs it.
+    pub(super) fn blurs(&self) -> bool {
+        self.shutter > 0.0
+    }
+
+    /// Moments (in frames) that a picture of so many samples is drawn at, each with the samples up to its end.
+    pub(super) fn moments(&self, frame: u32, samples: Option<u32>) -> Vec<(f64, u32)> {
+        let shutter = if samples.is_some() { self.shutter } else { 0.0 };
+        let samples = samples.unwrap_or(1);
+        let count = if shutter > 0.0 { samples.clamp(1, MOMENTS) } else { 1 };
+        let moment = |i: u32| {
+            let open = shutter * (f64::from(i) + 0.5) / f64::from(count);
+            let end = (u64::from(samples) * u64::from(i + 1) / u64::from(count)) as u32;
+            (f64::from(frame) + open, end)
+        };
+        (0..count).map(moment).collect()
     }
 
     /// The animations that are played.
     pub(super) fn clips(args: &Render, scene: &Scene, reporter: &Reporter) -> Result<Vec<usize>, Failure> {
         let clips = scene.clips();
         let listed = |indices: &mut dyn Iterator<Item = usize>| {
-            indices.map(|i| format!("{i}: {}", clips[i].name)).collect::<Vec<_>>().join(", ")
+            let listed = indices.map(|i| format!("{}: {}", clips[i].index, clips[i].name));
+            listed.collect::<Vec<_>>().join(", ")
         };
         let Some(word) = &args.film.animation else {
             let played = scene.clips_together();
@@ -116,7 +160,10 @@ impl Sequence {
             return Ok(played);
         };
         let named = clips.iter().position(|clip| clip.name == *word);
-        let index = || word.parse().ok().filter(|&index: &usize| index < clips.len());
+        let index = || {
+            let index: usize = word.parse().ok()?;
+            clips.iter().position(|clip| clip.index == index)
+        };
         let found = named.or_else(index).ok_or_else(|| match clips {
             [] => input!("--animation: the scene has no animation that can be played"),
             _ => input!("--animation: no animation `{word}`; choose among {}", listed(&mut (0..clips.len()))),
@@ -124,15 +171,15 @@ impl Sequence {
         Ok(vec![found?])
     }
 
-    /// The scene in a frame, and what sees it.
+    /// The scene at a time of the film, which begins at frame 0, and what sees it.
     pub(super) fn shot(
         &self,
         args: &Render,
         base: &Scene,
         clips: &[usize],
-        frame: u32,
+        frame: f64,
     ) -> Result<(Scene, Camera), Failure> {
-        let time = self.time(frame);
+        let time = frame / self.fps;
         let scene = base.pose(clips, time).map_err(|error| Failure {
             class: error.class(),
             error: anyhow::anyhow!("frame {frame}, at {time} s: {error}"),
@@ -145,7 +192,7 @@ impl Sequence {
                 let centre = || base.bounds().map_or(glam::Vec3::ZERO, |(low, high)| low.midpoint(high));
                 let pivot = args.common.look_at.map_or_else(centre, |point| base.local(point.into()));
                 // Frame 1 sees what a still picture does.
-                let turn = (f64::from(frame) - 1.0).rem_euclid(f64::from(*count)) / f64::from(*count);
+                let turn = (frame - 1.0).rem_euclid(f64::from(*count)) / f64::from(*count);
                 camera.turned(pivot, turn as f32 * TAU)
             }
         };
@@ -154,14 +201,27 @@ impl Sequence {
 
     /// Refuses names that frames would write over each other.
     pub(super) fn check(&self, files: &Files) -> Result<(), Failure> {
-        match files.all().find(|file| self.count() > 1 && numbered(file, 0) == **file) {
-            Some(file) => {
-                Err(input!("{}: frames need a number in their names: one # or more", file.display()))
-            }
-            None => Ok(()),
+        if let Some(file) = files.all().find(|file| self.count() > 1 && numbered(file, 0) == **file) {
+            return Err(input!("{}: frames need a number in their names: one # or more", file.display()));
         }
+        // Of longer films the first frames will do.
+        let mut written = HashSet::new();
+        for frame in self.frames.clone().take(100_000) {
+            for file in files.of_frame(frame).all() {
+                if files.all().count() > 1 && !written.insert(file.clone()) {
+                    return Err(input!(
+                        "{}: written twice, the second time by frame {frame}",
+                        file.display()
+                    ));
+                }
+            }
+        }
+        Ok(())
     }
 }
+
+/// No name of a file is longer.
+const LONGEST: usize = 255;
 
 /// Each run of `#` in a file's name becomes the frame's number, as wide at least.
 fn numbered(file: &Path, frame: u32) -> PathBuf {
@@ -170,7 +230,8 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
     while let Some(start) = rest.find('#') {
         let run = rest[start..].find(|c| c != '#').unwrap_or(rest.len() - start);
         numbered.push_str(&rest[..start]);
-        numbered.push_str(&format!("{frame:0run$}"));
+        let width = run.min(LONGEST);
+        numbered.push_str(&format!("{frame:0width$}"));
         rest = &rest[start + run..];
     }
     numbered.push_str(rest);
@@ -180,6 +241,22 @@ fn numbered(file: &Path, frame: u32) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn samples_are_spread_over_the_open_shutter() {
+        let film = |shutter| Sequence { frames: 1..=1, fps: 24.0, shutter, way: Way::Scene };
+        assert_eq!(film(0.0).moments(7, Some(100)), [(7.0, 100)]);
+        assert_eq!(film(0.5).moments(7, None), [(7.0, 1)]);
+        assert_eq!(film(0.5).moments(7, Some(2)), [(7.125, 1), (7.375, 2)]);
+        let many = film(1.0).moments(3, Some(1000));
+        assert_eq!((many.len(), many[63].1), (64, 1000));
+        assert!(
+            many.is_sorted_by(|a, b| a.0 < b.0 && a.1 < b.1)
+                && many.iter().all(|m| (3.0..4.0).contains(&m.0))
+        );
+        let mean = many.iter().map(|moment| moment.0).sum::<f64>() / 64.0;
+        assert!((mean - 3.5).abs() < 1e-12);
+    }
 
     #[test]
     fn numbers_take_the_place_of_hashes() {

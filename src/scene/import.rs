@@ -10,7 +10,21 @@ pub(crate) const FRAMED: &str = "the scene has no camera: it is seen from one th
 
 /// What remains to be done once a file is read: drops zero-area triangles and what is empty without them, bakes
 /// transforms that flatten, makes panes of flat slabs, adds a camera where there is none, and validates.
-pub(super) fn finish(mut scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
+pub(super) fn finish(scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
+    let mut scene = finish_pose(scene, file, element)?;
+    if scene.instances.is_empty() {
+        let why = scene.notes.iter().map(|note| format!("; {note}")).collect::<String>();
+        return Err(SceneError::new(file, element, format!("there is no triangle in it{why}")));
+    }
+    if scene.cameras.is_empty() {
+        scene.cameras.push(scene.frame_camera());
+        scene.notes.push(FRAMED.into());
+    }
+    Ok(scene)
+}
+
+/// The same of a moment, when there may be nothing to see; it may have no camera.
+pub(super) fn finish_pose(mut scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
     let mut dropped: usize = scene.meshes.iter_mut().map(drop_zero_area).sum();
     dropped += bake_flattening(&mut scene).map_err(|fault| fault.of(file, element))?;
     if dropped > 0 {
@@ -18,15 +32,7 @@ pub(super) fn finish(mut scene: Scene, file: &Path, element: &str) -> Result<Sce
     }
     slab::become_panes(&mut scene);
     drop_empty(&mut scene);
-    if scene.instances.is_empty() {
-        let why = scene.notes.iter().map(|note| format!("; {note}")).collect::<String>();
-        return Err(SceneError::new(file, element, format!("there is no triangle in it{why}")));
-    }
     scene.validate().map_err(|error| SceneError { file: file.to_owned(), ..error })?;
-    if scene.cameras.is_empty() {
-        scene.cameras.push(scene.frame_camera());
-        scene.notes.push(FRAMED.into());
-    }
     Ok(scene)
 }
 

@@ -23,8 +23,10 @@ pub struct CameraKey {
     /// Seconds.
     pub time: f64,
     /// Its position (m).
+    #[serde(deserialize_with = "point")]
     pub eye: [f64; 3],
     /// The point it looks at (m).
+    #[serde(deserialize_with = "point")]
     pub look_at: [f64; 3],
     /// Vertical field of view (degrees).
     #[serde(default = "fov")]
@@ -34,6 +36,16 @@ pub struct CameraKey {
 fn fov() -> f64 {
     45.0
 }
+
+/// Three numbers, no more.
+fn point<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
+    let numbers = Vec::<f64>::deserialize(deserializer)?;
+    let wrong = |numbers: Vec<f64>| serde::de::Error::invalid_length(numbers.len(), &"three numbers");
+    numbers.try_into().map_err(wrong)
+}
+
+/// No key is further off (m, s).
+const LIMIT: f64 = 1e10;
 
 impl CameraKey {
     fn numbers(&self) -> [f64; 7] {
@@ -63,8 +75,10 @@ impl CameraPath {
             return Err("it has no key".into());
         }
         for (i, key) in self.keys.iter().enumerate() {
-            if !(key.time.is_finite() && key.numbers().iter().all(|n| n.is_finite())) {
-                return Err(format!("key {i} is not finite"));
+            if let Some(number) =
+                key.numbers().iter().chain([&key.time]).find(|n| !(-LIMIT..=LIMIT).contains(*n))
+            {
+                return Err(format!("{number} of key {i} is not within {LIMIT:e}"));
             }
             if i > 0 && key.time <= self.keys[i - 1].time {
                 return Err(format!("key {i} is not later than the one before"));
@@ -160,7 +174,7 @@ mod tests {
         let broken = |keys: Vec<CameraKey>| CameraPath { keys }.check().unwrap_err();
         assert!(broken(Vec::new()).contains("no key"));
         assert!(broken(vec![key(1.0, 0.0), key(1.0, 1.0)]).contains("key 1 is not later"));
-        assert!(broken(vec![key(f64::NAN, 0.0)]).contains("key 0 is not finite"));
+        assert!(broken(vec![key(f64::NAN, 0.0)]).contains("of key 0 is not within"));
         assert!(broken(vec![key(0.0, 200.0)]).contains("fov of key 0"));
         assert!(broken(vec![CameraKey { look_at: [0.0, 1.0, 0.0], ..key(0.0, 0.0) }]).contains("same point"));
     }

@@ -7,6 +7,7 @@ use ::gltf::json;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A file being read.
 pub(super) struct Context<'a> {
@@ -24,7 +25,9 @@ pub(super) struct Context<'a> {
     /// Vertex attributes may have the types of `KHR_mesh_quantization`.
     pub(super) quantized: bool,
     /// Animations, where the scene keeps what moves it.
-    pub(super) clips: Vec<Clip>,
+    pub(super) clips: Arc<Vec<Clip>>,
+    /// Pointers of channels that are right, and name what is not moved here.
+    pub(super) unplayed: RefCell<Vec<String>>,
     /// Of the machine's memory.
     pub(super) budget: &'a RefCell<Budget>,
 }

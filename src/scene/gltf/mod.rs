@@ -124,11 +124,23 @@ fn read(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Scene, Scene
     let read = &vec![Cell::new(false); root.accessors.len()];
     let nodes = &nodes;
     let file = path;
-    let clips = Vec::new();
-    let mut context =
-        Context { file, files, mended, root, nodes, parents, buffers, read, quantized, clips, budget };
+    let (clips, unplayed) = Default::default();
+    let mut context = Context {
+        file,
+        files,
+        mended,
+        root,
+        nodes,
+        parents,
+        buffers,
+        read,
+        quantized,
+        clips,
+        unplayed,
+        budget,
+    };
     if options.motion {
-        context.clips = context.clips(&animations)?;
+        context.clips = Arc::new(context.clips(&animations)?);
     }
     context.scene(options, animations.len())
 }
@@ -406,19 +418,20 @@ impl Context<'_> {
         }
         self.note(&mut scene, &tally, animations, ranged, options.motion);
         scene.notes.extend(self.mended.notes());
-        if self.clips.is_empty() {
+        if self.clips.is_empty() || empty {
             return import::finish(scene, self.file, &element);
         }
         let motion = Motion {
             file: self.file.to_owned(),
             element,
-            clips: self.clips.clone(),
+            clips: Arc::clone(&self.clips),
             rig: Rig { glow: self.glow(&scene), ..rig },
             parts: scene,
         };
         let mut scene = motion.pose(&[], 0.0)?;
         if motion.parts.cameras.is_empty() {
             scene.cameras = vec![Scene::framing(motion.bounds())];
+            scene.notes.push(import::FRAMED.into());
         }
         scene.motion = Some(Arc::new(motion));
         Ok(scene)
@@ -748,6 +761,13 @@ impl Context<'_> {
             format!("{} morphed meshes are shown with their default weights", tally.morphed),
         );
         note(tally.flat > 0, format!("{} triangles whose corners are one point are left out", tally.flat));
+        if let Some(first) = self.unplayed.borrow().first() {
+            let count = self.unplayed.borrow().len();
+            note(
+                true,
+                format!("{count} channels of animations move what stays at rest here, such as {first}"),
+            );
+        }
         note(animations > 0 && !played, format!("{animations} animations are left out"));
         let unknown: Vec<&str> = self
             .root

@@ -441,6 +441,9 @@ fn attributes(tidy: &Tidy<'_>, root: &mut Value) -> Result<(), SceneError> {
 
 /// Puts something harmless in place of accessors that nothing reads and that can't be typed.
 fn accessors(tidy: &Tidy<'_>, root: &mut Value, animations: &[Value]) -> Result<(), SceneError> {
+    let samplers = animations.iter().flat_map(|animation| items(animation, "samplers"));
+    let keys = samplers.flat_map(|sampler| ["input", "output"].map(|key| sampler[key].as_u64()));
+    let of_keys: HashSet<u64> = keys.flatten().collect();
     let mut read = HashSet::new();
     let mut members = |parent: Option<&Value>| {
         read.extend(parent.and_then(Value::as_object).into_iter().flatten().filter_map(|(_, v)| v.as_u64()));
@@ -454,14 +457,18 @@ fn accessors(tidy: &Tidy<'_>, root: &mut Value, animations: &[Value]) -> Result<
         members(node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes"));
     }
     items(root, "skins").for_each(|skin| members(Some(skin)));
-    animations.iter().flat_map(|animation| items(animation, "samplers")).for_each(|s| members(Some(s)));
     for (i, item) in items_mut(root, "accessors").enumerate().filter(|(i, _)| !read.contains(&(*i as u64))) {
         let problem = match Accessor::deserialize(&*item) {
             Err(error) => file::shortened(&error.to_string()),
             Ok(Accessor { component_type: Checked::Valid(_), type_: Checked::Valid(_), .. }) => continue,
             Ok(_) => "unknown component or element type".to_owned(),
         };
-        *item = json!({"componentType": 5126, "count": 1, "type": "SCALAR"});
+        // Of a shape that no channel has: the channel is told.
+        let keys = of_keys.contains(&(i as u64));
+        *item = json!({"componentType": 5126, "count": 1, "type": if keys { "MAT2" } else { "SCALAR" }});
+        if keys {
+            continue;
+        }
         tidy.mend(&Place::Item(&Place::Member(&Place::Root, "accessors"), i), problem, UNNEEDED)?;
     }
     Ok(())

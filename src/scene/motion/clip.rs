@@ -1,6 +1,6 @@
 //! Values over time: keys and what lies between them (glTF 2.0, section 3.11 and appendix C).
 
-use glam::{DQuat, DVec4};
+use glam::{DQuat, DVec4, Vec4};
 
 /// How values between two keys follow from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +63,25 @@ impl Track {
         f64::from(self.times[self.times.len() - 1])
     }
 
+    /// Makes values of four numbers unit quaternions, and says by how much the worst was off in length; none if one has no
+    /// direction. Tangents stay.
+    pub(crate) fn normalise(&mut self) -> Option<f32> {
+        let part = usize::from(self.interpolation == Interpolation::CubicSpline);
+        let mut worst = 0.0_f32;
+        for key in self.values.chunks_exact_mut(4 * (1 + 2 * part)) {
+            let value = &mut key[4 * part..4 * part + 4];
+            let length = Vec4::from_slice(value).length();
+            if length == 0.0 {
+                return None;
+            }
+            if (length - 1.0).abs() > 1e-2 {
+                worst = worst.max((length - 1.0).abs());
+                value.iter_mut().for_each(|number| *number /= length);
+            }
+        }
+        Some(worst)
+    }
+
     /// The value at a time (s).
     #[must_use]
     pub fn at(&self, time: f64) -> Vec<f64> {
@@ -90,6 +109,8 @@ impl Track {
     }
 
     fn mixed(&self, time: f64, straight: impl Fn(&[f64], &[f64], f64) -> Vec<f64>) -> Vec<f64> {
+        // A frame's time is often a key's, but for the rounding of keys.
+        let time = f64::from(time as f32);
         let passed = self.times.partition_point(|&key| f64::from(key) <= time);
         let Some(before) = passed.checked_sub(1) else { return self.key(0, 1) };
         if passed == self.times.len() || self.interpolation == Interpolation::Step {
@@ -149,7 +170,7 @@ pub enum NodeProperty {
     Scale,
     /// Of its mesh's morph targets.
     Weights,
-    /// Whether it and all below it are there: from ½.
+    /// Whether it and all below it are there: 0 hides them.
     Visible,
 }
 
@@ -227,6 +248,8 @@ pub struct Channel {
 pub struct Clip {
     /// As in the file, or made up.
     pub name: String,
+    /// Which of the file's animations it is.
+    pub index: usize,
     /// At most one for each property.
     pub channels: Vec<Channel>,
 }
@@ -321,6 +344,10 @@ mod tests {
         assert!(refused(&[0.0, f32::NAN], &[0.0; 2]).contains("time of key 1"));
         assert!(refused(&[0.0, 1.0], &[0.0, f32::INFINITY]).contains("value 1 is inf"));
         assert!(refused(&[0.0, 1.0], &[0.0; 3]).contains("3 values for 2 keys"));
+        // A frame's time, but for a rounding, is a key's.
+        let frames: Vec<f32> = (0..25).map(|k| k as f32 / 24.0).collect();
+        let step = track(Interpolation::Step, &frames, &(0..25).map(|k| k as f32).collect::<Vec<_>>());
+        (0..25).for_each(|k| close(&step.at(f64::from(k) / 24.0), &[f64::from(k)]));
         // Of keys at one time the last counts.
         close(&track(Interpolation::Linear, &[0.0, 1.0, 1.0], &[0.0, 1.0, 5.0]).at(1.0), &[5.0]);
     }

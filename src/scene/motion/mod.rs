@@ -10,14 +10,14 @@ pub use clip::{
     Track,
 };
 
-use super::limits::{MAX_FACTOR, MAX_IOR, MAX_RADIANCE};
+use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
 use super::origin::{self, Around};
 use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Scene, SceneError, View, import};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use rig::{Local, Node, Skin, Worlds};
 use shape::Shape;
 use std::collections::HashSet;
-use std::f32::consts::FRAC_PI_2;
+use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub struct Motion {
     pub(super) file: PathBuf,
     /// The scene's in the file.
     pub(super) element: String,
-    pub(super) clips: Vec<Clip>,
+    pub(super) clips: Arc<Vec<Clip>>,
     /// Everything there may be, at rest, before a load's last steps.
     pub(super) parts: Scene,
     pub(super) rig: Rig,
@@ -114,15 +114,18 @@ impl Scene {
     /// Clips that can be played together: the first, and each that moves nothing which an earlier one of them moves.
     #[must_use]
     pub fn clips_together(&self) -> Vec<usize> {
-        let (mut moved, mut together) = (HashSet::new(), Vec::new());
-        for (index, clip) in self.clips().iter().enumerate() {
-            let targets = || clip.channels.iter().map(|channel| channel.target);
-            if targets().all(|target| !moved.contains(&target)) {
-                moved.extend(targets());
-                together.push(index);
-            }
-        }
-        together
+        together(self.clips())
+    }
+
+    /// Whether a clip moves what a material or a light source gives.
+    #[must_use]
+    pub fn may_shine(&self) -> bool {
+        use MaterialProperty::{EmissiveFactor, EmissiveStrength};
+        let targets = self.clips().iter().flat_map(|clip| &clip.channels).map(|channel| channel.target);
+        targets.into_iter().any(|target| match target {
+            Target::Material(_, property) => matches!(property, EmissiveFactor | EmissiveStrength),
+            target => matches!(target, Target::Light(_, LightProperty::Color | LightProperty::Intensity)),
+        })
     }
 
     /// The scene at a time (s) of some of its [`clips`](Self::clips), later ones winning over earlier: instances, shapes, lights, cameras and materials as they
@@ -149,16 +152,26 @@ impl Scene {
     }
 }
 
+fn together(clips: &[Clip]) -> Vec<usize> {
+    let (mut moved, mut together) = (HashSet::new(), Vec::new());
+    for (index, clip) in clips.iter().enumerate() {
+        let targets = || clip.channels.iter().map(|channel| channel.target);
+        if targets().all(|target| !moved.contains(&target)) {
+            moved.extend(targets());
+            together.push(index);
+        }
+    }
+    together
+}
+
 impl Motion {
-    /// Smallest and largest coordinates (m) of what clips show at several times.
+    /// Smallest and largest coordinates (m) of what clips that go together show at several times.
     pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
         const TIMES: usize = 16;
-        let times = |clip: usize| {
-            let end = self.clips[clip].end();
-            (0..=TIMES).map(move |i| (clip, end * i as f64 / TIMES as f64))
-        };
-        let posed = |(clip, time)| self.pose(&[clip], time).ok()?.bounds();
-        let all = (0..self.clips.len()).flat_map(times).filter_map(posed);
+        let clips = together(&self.clips);
+        let end = clips.iter().map(|&clip| self.clips[clip].end()).fold(0.0, f64::max);
+        let posed = |i| self.pose(&clips, end * i as f64 / TIMES as f64).ok()?.bounds();
+        let all = (0..=TIMES).filter_map(posed);
         all.reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
     }
 
@@ -216,32 +229,45 @@ impl Motion {
             };
             mesh.generate_tangents(&scene.materials);
         }
+        // What is scaled to nothing is as good as hidden.
+        let nothing: Vec<bool> = scene.meshes.iter().map(is_nothing).collect();
         let mut shown = rig.instances.iter().map(|placed| worlds.shows(placed.node));
-        scene.instances.retain(|_| shown.next() == Some(true));
+        scene.instances.retain(|instance| {
+            let scale =
+                instance.transform.matrix3.to_cols_array().into_iter().fold(0.0, |a, e: f32| e.abs().max(a));
+            shown.next() == Some(true) && scale > MIN_EXTENT && !nothing[instance.mesh as usize]
+        });
 
         for (light, &(node, source)) in scene.lights.iter_mut().zip(&rig.lights) {
             let source = &state.sources[source as usize];
             let world = worlds.at(node);
             let world = DAffine3 { translation: world.translation - scene.origin, ..world };
-            *light = shining(&source.light(&light.name), &world)
-                .ok_or_else(|| fail(node, "its light has no direction: the transform is singular"))?;
-            if !worlds.shows(node) {
-                light.intensity = Vec3::ZERO;
-            }
+            let placed = source.light(&light.name);
+            let lit = shining(&placed, &world).filter(|light| worlds.shows(node) && light.check().is_ok());
+            // The number of lights stays, whichever are there.
+            *light = lit.unwrap_or_else(|| Light { intensity: Vec3::ZERO, ..light.clone() });
         }
         for (camera, &(node, view)) in scene.cameras.iter_mut().zip(&rig.cameras) {
             let world = worlds.at(node);
             let world = DAffine3 { translation: world.translation - scene.origin, ..world };
-            let seeing = seeing(&world)
-                .ok_or_else(|| fail(node, "its camera has no direction: the transform is singular"))?;
-            *camera = Camera {
-                transform: origin::rounded(&seeing),
+            let seen = seeing(&world).map(|transform| Camera {
+                transform: origin::rounded(&transform),
                 view: state.views[view as usize],
-                ..std::mem::replace(camera, Camera::look_at("", Vec3::ZERO, Vec3::NEG_Z, 1.0))
-            };
+                ..camera.clone()
+            });
+            // One that a transform leaves no direction keeps the one that it has at rest.
+            if let Some(seen) = seen.filter(|camera| camera.check().is_ok()) {
+                *camera = seen;
+            }
         }
-        import::finish(scene, &self.file, &self.element)
+        import::finish_pose(scene, &self.file, &self.element)
     }
+}
+
+/// Whether a mesh is smaller than a scene may be.
+fn is_nothing(mesh: &Mesh) -> bool {
+    let ends = mesh.positions.iter().map(|&p| (p, p)).reduce(|(l, h), (a, b)| (l.min(a), h.max(b)));
+    ends.is_none_or(|(low, high)| (high - low).max_element() < MIN_EXTENT)
 }
 
 impl State {
@@ -257,7 +283,7 @@ impl State {
                 let node = &mut self.nodes[node as usize];
                 match (property, &mut node.local) {
                     (NodeProperty::Weights, _) => node.weights = track.at(time),
-                    (NodeProperty::Visible, _) => node.visible = one() >= 0.5,
+                    (NodeProperty::Visible, _) => node.visible = one() > 0.0,
                     (NodeProperty::Translation, Local::Parts { translation, .. }) => *translation = three(),
                     (NodeProperty::Rotation, Local::Parts { rotation, .. }) => {
                         *rotation = track.rotation_at(time)
@@ -278,8 +304,10 @@ impl State {
                 }
             }
             Target::Camera(camera, property) => match (property, &mut self.views[camera as usize]) {
-                (CameraProperty::Yfov, View::Perspective { yfov }) => *yfov = one(),
-                (CameraProperty::Ymag, View::Orthographic { ymag }) => *ymag = one(),
+                (CameraProperty::Yfov, View::Perspective { yfov }) => *yfov = one().clamp(1e-3, PI - 1e-3),
+                (CameraProperty::Ymag, View::Orthographic { ymag }) => {
+                    *ymag = one().clamp(1e-6, MAX_COORDINATE);
+                }
                 _ => {}
             },
             Target::Material(material, property) => {
@@ -317,7 +345,7 @@ impl State {
                     }
                     MaterialProperty::AttenuationDistance => {
                         let volume = of.volume.as_mut();
-                        volume.into_iter().for_each(|volume| volume.attenuation_distance = one());
+                        volume.into_iter().for_each(|volume| volume.attenuation_distance = one().max(1e-9));
                     }
                     MaterialProperty::AttenuationColor => {
                         let color = three().as_vec3().clamp(Vec3::ZERO, Vec3::ONE);
