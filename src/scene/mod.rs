@@ -4,6 +4,7 @@
 //! point light is 1 W/sr, 1 lux 1 W/m², 1 nit 1 W/(sr·m²), each per colour channel (linear Rec. 709).
 
 mod camera;
+mod clip;
 mod environment;
 mod error;
 mod feature;
@@ -29,6 +30,10 @@ pub mod gltf;
 pub mod obj;
 
 pub use camera::{Camera, View};
+pub use clip::{
+    CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, NodeProperty, Target,
+    Track,
+};
 pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 use error::Fault;
 pub use error::SceneError;
@@ -47,14 +52,10 @@ pub use material::{
 pub(crate) use material::{TextureUse, srgb_to_linear};
 pub use mend::LoadOptions;
 pub use mesh::{Instance, Mesh};
-pub use motion::{
-    CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, Motion, NodeProperty,
-    Target, Track,
-};
 pub use path::{CameraKey, CameraPath};
 pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;
-pub use world::Scene;
+pub use world::{Motion, Scene};
 
 use std::path::Path;
 

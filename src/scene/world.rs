@@ -1,8 +1,10 @@
 //! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
-use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh, Motion};
+use super::clip::{Clip, LightProperty, MaterialProperty, Target, together};
+use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh, SceneError};
 use glam::{DVec3, Vec3};
 use std::f32::consts::{FRAC_PI_4, PI};
+use std::fmt;
 use std::sync::Arc;
 
 /// A scene as loaded or made in code. Indices between its parts are checked by [`Scene::validate`].
@@ -28,12 +30,61 @@ pub struct Scene {
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
     /// What moves it, where the loader was asked for that.
-    pub motion: Option<Arc<Motion>>,
+    pub motion: Option<Arc<dyn Motion>>,
     /// What the loader left out or assumed, one sentence each, to be shown once.
     pub notes: Vec<String>,
 }
 
+/// What moves a scene. Importers make it where [`LoadOptions::motion`](super::LoadOptions::motion) asks for it.
+pub trait Motion: fmt::Debug + Send + Sync {
+    /// Animations of the file.
+    fn clips(&self) -> &[Clip];
+
+    /// What `scene` is at a time (s) of some clips, as [`Scene::pose`] says.
+    ///
+    /// # Errors
+    /// As for [`Scene::pose`].
+    fn pose(&self, scene: &Scene, clips: &[usize], time: f64) -> Result<Scene, SceneError>;
+}
+
 impl Scene {
+    /// Animations of the file, which [`pose`](Self::pose) plays.
+    #[must_use]
+    pub fn clips(&self) -> &[Clip] {
+        self.motion.as_ref().map_or(&[], |motion| motion.clips())
+    }
+
+    /// Clips that can be played together: the first, and each that moves nothing which an earlier one of them moves.
+    #[must_use]
+    pub fn clips_together(&self) -> Vec<usize> {
+        together(self.clips())
+    }
+
+    /// Whether a clip moves what a material or a light source gives.
+    #[must_use]
+    pub fn may_shine(&self) -> bool {
+        use MaterialProperty::{EmissiveFactor, EmissiveStrength};
+        let mut targets = self.clips().iter().flat_map(|clip| &clip.channels).map(|channel| channel.target);
+        targets.any(|target| match target {
+            Target::Material(_, property) => matches!(property, EmissiveFactor | EmissiveStrength),
+            target => matches!(target, Target::Light(_, LightProperty::Color | LightProperty::Intensity)),
+        })
+    }
+
+    /// The scene at a time (s) of some of its [`clips`](Self::clips), later ones winning over earlier: instances, shapes,
+    /// lights, cameras and materials as they are then, and the environment, name and lights that were added to this one. It
+    /// keeps the motion, for further poses. Without clips it is the same scene.
+    ///
+    /// # Errors
+    /// A pose that is no scene: numbers out of range.
+    ///
+    /// # Panics
+    /// There is no such clip, but the scene has a motion.
+    pub fn pose(&self, clips: &[usize], time: f64) -> Result<Self, SceneError> {
+        let Some(motion) = &self.motion else { return Ok(self.clone()) };
+        Ok(Self { motion: Some(Arc::clone(motion)), ..motion.pose(self, clips, time)? })
+    }
+
     /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order. In a mirroring
     /// instance (negative determinant) the front side sees them clockwise.
     pub fn world_triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {

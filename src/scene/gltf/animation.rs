@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use crate::ErrorClass;
-use crate::scene::motion::{
+use crate::scene::clip::{
     CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, NodeProperty, Target,
     Track,
 };

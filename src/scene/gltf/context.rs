@@ -1,7 +1,7 @@
 use crate::memory::{Budget, Shortage};
+use crate::scene::clip::Clip;
 use crate::scene::file::Files;
 use crate::scene::mend::Mended;
-use crate::scene::motion::Clip;
 use crate::scene::{Fault, SceneError};
 use ::gltf::json;
 use std::borrow::Cow;

@@ -2,10 +2,10 @@
 
 use super::container;
 use super::context::Context;
+use crate::scene::clip::MaterialProperty::{EmissiveFactor, EmissiveStrength};
+use crate::scene::clip::Target;
 use crate::scene::file::{self, decode_image};
 use crate::scene::limits::{MAX_IOR, MAX_TEXELS};
-use crate::scene::motion::MaterialProperty::{EmissiveFactor, EmissiveStrength};
-use crate::scene::motion::Target;
 use crate::scene::{
     AlphaMode, Clearcoat, Fault, Filter, Image, Material, NormalMap, Sampler, SceneError, TextureRef,
     TextureTransform, Volume, Wrap,

@@ -13,11 +13,12 @@ mod material;
 mod skin;
 mod tidy;
 
+use super::clip::{NodeProperty, Target};
 use super::file::{self, Files};
 use super::import;
 use super::mend::Mended;
 use super::motion::rig::{Local, Node};
-use super::motion::{self, Motion, NodeProperty, Placed, Rig, Shaped, Source, Target, Within};
+use super::motion::{self, Placed, Rig, Rigged, Shaped, Source, Within};
 use super::origin::{self, Around};
 use super::{
     Camera, Fault, Instance, Light, LightKind, LoadOptions, MAX_TRIANGLES, Material, Scene, SceneError, View,
@@ -421,14 +422,14 @@ impl Context<'_> {
         if self.clips.is_empty() || empty {
             return import::finish(scene, self.file, &element);
         }
-        let motion = Motion {
+        let motion = Rigged {
             file: self.file.to_owned(),
             element,
             clips: Arc::clone(&self.clips),
             rig: Rig { glow: self.glow(&scene), ..rig },
             parts: scene,
         };
-        let mut scene = motion.pose(&[], 0.0)?;
+        let mut scene = motion.posed(&[], 0.0)?;
         if motion.parts.cameras.is_empty() {
             scene.cameras = vec![Scene::framing(motion.bounds())];
             scene.notes.push(import::FRAMED.into());

@@ -1,29 +1,25 @@
 //! Scenes in time: nodes, skins, morph targets and clips that move them. A pose is a scene of its own, made from the parts as
 //! they were read: the instances, shapes, lights, cameras and materials that there are at a time.
 
-mod clip;
 pub(super) mod rig;
 pub(super) mod shape;
 
-pub use clip::{
-    CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, NodeProperty, Target,
-    Track,
+use super::clip::{
+    CameraProperty, Channel, Clip, LightProperty, MaterialProperty, NodeProperty, Target, together,
 };
-
 use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
 use super::origin::{self, Around};
-use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Scene, SceneError, View, import};
+use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Motion, Scene, SceneError, View, import};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use rig::{Local, Node, Skin, Worlds};
 use shape::Shape;
-use std::collections::HashSet;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What moves a scene. Importers make it where [`LoadOptions::motion`](super::LoadOptions::motion) asks for it.
+/// The parts of a scene, and the rig that they follow.
 #[derive(Debug)]
-pub struct Motion {
+pub(super) struct Rigged {
     pub(super) file: PathBuf,
     /// The scene's in the file.
     pub(super) element: String,
@@ -104,79 +100,37 @@ struct State {
     glow: Vec<(Vec3, f32)>,
 }
 
-impl Scene {
-    /// Animations of the file, which [`pose`](Self::pose) plays.
-    #[must_use]
-    pub fn clips(&self) -> &[Clip] {
-        self.motion.as_ref().map_or(&[], |motion| &motion.clips)
+impl Motion for Rigged {
+    fn clips(&self) -> &[Clip] {
+        &self.clips
     }
 
-    /// Clips that can be played together: the first, and each that moves nothing which an earlier one of them moves.
-    #[must_use]
-    pub fn clips_together(&self) -> Vec<usize> {
-        together(self.clips())
-    }
-
-    /// Whether a clip moves what a material or a light source gives.
-    #[must_use]
-    pub fn may_shine(&self) -> bool {
-        use MaterialProperty::{EmissiveFactor, EmissiveStrength};
-        let targets = self.clips().iter().flat_map(|clip| &clip.channels).map(|channel| channel.target);
-        targets.into_iter().any(|target| match target {
-            Target::Material(_, property) => matches!(property, EmissiveFactor | EmissiveStrength),
-            target => matches!(target, Target::Light(_, LightProperty::Color | LightProperty::Intensity)),
-        })
-    }
-
-    /// The scene at a time (s) of some of its [`clips`](Self::clips), later ones winning over earlier: instances, shapes, lights, cameras and materials as they
-    /// are then, and the environment, name and lights that were added to this one. It keeps the motion, for further poses.
-    /// Without clips it is the same scene.
-    ///
-    /// # Errors
-    /// A pose that is no scene: nothing to see, a camera without a direction, numbers out of range.
-    ///
-    /// # Panics
-    /// There is no such clip, but the scene has a motion.
-    pub fn pose(&self, clips: &[usize], time: f64) -> Result<Self, SceneError> {
-        let Some(motion) = &self.motion else { return Ok(self.clone()) };
-        let mut pose = motion.pose(clips, time)?;
-        if motion.parts.cameras.is_empty() {
-            pose.cameras.clone_from(&self.cameras);
+    fn pose(&self, scene: &Scene, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
+        let mut pose = self.posed(clips, time)?;
+        if self.parts.cameras.is_empty() {
+            pose.cameras.clone_from(&scene.cameras);
         }
-        pose.lights.extend(self.lights.iter().skip(motion.parts.lights.len()).cloned());
-        pose.environment.clone_from(&self.environment);
-        pose.name.clone_from(&self.name);
-        pose.motion = Some(Arc::clone(motion));
+        pose.lights.extend(scene.lights.iter().skip(self.parts.lights.len()).cloned());
+        pose.environment.clone_from(&scene.environment);
+        pose.name.clone_from(&scene.name);
         pose.notes.clear();
         Ok(pose)
     }
 }
 
-fn together(clips: &[Clip]) -> Vec<usize> {
-    let (mut moved, mut together) = (HashSet::new(), Vec::new());
-    for (index, clip) in clips.iter().enumerate() {
-        let targets = || clip.channels.iter().map(|channel| channel.target);
-        if targets().all(|target| !moved.contains(&target)) {
-            moved.extend(targets());
-            together.push(index);
-        }
-    }
-    together
-}
-
-impl Motion {
+impl Rigged {
     /// Smallest and largest coordinates (m) of what clips that go together show at several times.
     pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
         const TIMES: usize = 16;
         let clips = together(&self.clips);
         let end = clips.iter().map(|&clip| self.clips[clip].end()).fold(0.0, f64::max);
-        let posed = |i| self.pose(&clips, end * i as f64 / TIMES as f64).ok()?.bounds();
+        let posed = |i| self.posed(&clips, end * i as f64 / TIMES as f64).ok()?.bounds();
         let all = (0..=TIMES).filter_map(posed);
         all.reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
     }
 
     /// At a time of some clips; without any it is at rest.
-    pub(super) fn pose(&self, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
+    pub(super) fn posed(&self, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
         let rig = &self.rig;
         let mut scene = self.parts.clone();
         let mut state = State {

@@ -1,6 +1,7 @@
 //! Values over time: keys and what lies between them (glTF 2.0, section 3.11 and appendix C).
 
 use glam::{DQuat, DVec4, Vec4};
+use std::collections::HashSet;
 
 /// How values between two keys follow from them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -260,6 +261,19 @@ impl Clip {
     pub fn end(&self) -> f64 {
         self.channels.iter().map(|channel| channel.track.end()).fold(0.0, f64::max)
     }
+}
+
+/// Clips that can be played together: the first, and each that moves nothing which an earlier one of them moves.
+pub(super) fn together(clips: &[Clip]) -> Vec<usize> {
+    let (mut moved, mut together) = (HashSet::new(), Vec::new());
+    for (index, clip) in clips.iter().enumerate() {
+        let targets = || clip.channels.iter().map(|channel| channel.target);
+        if targets().all(|target| !moved.contains(&target)) {
+            moved.extend(targets());
+            together.push(index);
+        }
+    }
+    together
 }
 
 #[cfg(test)]
