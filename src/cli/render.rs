@@ -87,7 +87,7 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     // Times are of renders that nothing interrupts.
     let preview = (args.repeat.is_none() && chosen.is_none())
         .then(|| Preview { every: args.preview.unwrap_or(Duration::from_secs(10)), show: &show });
-    let watch = Watch { film: None, resume: resume.as_ref(), preview, progress: &progress };
+    let watch = Watch { alone: true, origin: &origin, resume: resume.as_ref(), preview, progress: &progress };
     let drawn = job.draw(&mut renderer, &camera, &config, chosen.as_ref(), &files, &watch)?;
     let Job { reporter, .. } = job;
     drop(reporter);
@@ -104,8 +104,9 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
 
 /// How a picture comes about.
 struct Watch<'a> {
-    /// What it is a frame of.
-    film: Option<&'a Sequence>,
+    /// No other picture is behind it.
+    alone: bool,
+    origin: &'a Origin,
     resume: Option<&'a Resume>,
     preview: Option<Preview<'a>>,
     progress: &'a dyn Fn(renderer::Progress<'_>),
@@ -202,8 +203,13 @@ impl Job<'_> {
                 self.place(&mut kept, &device, scene, options)?;
             }
             let renderer = kept.as_mut().expect("it was placed");
-            let watch =
-                Watch { film: Some(sequence), resume: grown.as_ref(), preview: None, progress: &progress };
+            let watch = Watch {
+                alone: false,
+                origin: &origin,
+                resume: grown.as_ref(),
+                preview: None,
+                progress: &progress,
+            };
             let picture = self.draw(renderer, &camera, &config, chosen.as_ref(), &of_frame, &watch)?;
             if let Some(error) = picture.failed {
                 return Err(error.into());
@@ -287,10 +293,6 @@ impl Job<'_> {
     ) -> Result<Drawn, Failure> {
         let Self { args, reporter, name, .. } = self;
         let taps: Vec<String> = args.tap.iter().map(|(tap, _)| tap.clone()).collect();
-        let mut origin = Origin::of(renderer, camera);
-        if let Some(film) = watch.film {
-            origin.asked = film.asked(args);
-        }
         let profile = renderer.profile(config.whitted.mirror_roughness);
         let left_out = (config.method.left_out)(&profile, config);
         let request = FrameRequest {
@@ -311,13 +313,13 @@ impl Job<'_> {
         let target =
             config.method.progressive.as_ref().map_or(0, |progressive| (progressive.samples)(config));
         let short = frame.samples.is_some_and(|n| n < target);
-        if watch.film.is_some() && short && interrupt::CANCEL.load(Ordering::SeqCst) {
+        if !watch.alone && short && interrupt::CANCEL.load(Ordering::SeqCst) {
             // A frame that is there is a whole one.
             return Err(renderer::Error::Cancelled.into());
         }
         interrupt::finishing();
 
-        if watch.film.is_none() {
+        if watch.alone {
             reporter.stage("write", name);
         }
         let mut written = String::new();
@@ -325,7 +327,7 @@ impl Job<'_> {
             if interrupt::CANCEL.load(Ordering::SeqCst) && frame.samples.is_none() {
                 return Err(renderer::Error::Cancelled.into());
             }
-            picture::write(file, &origin, config, &frame)?;
+            picture::write(file, watch.origin, config, &frame)?;
             let what = content(file, config, &frame);
             let _ = writeln!(written, "{}: {what}, {}", text::path(file), extent(config));
         }
