@@ -5,7 +5,7 @@
 //! virtual point lights does. Builds are timed with them.
 
 use glam::{Vec3, vec3};
-use parhelion::accel::{Geometry, Structure};
+use parhelion::accel::{Arrangement, Geometry, Levels, Structure};
 use parhelion::graph::{Executor, Graph, Grid, RunOptions};
 use parhelion::scene::{self, LoadOptions, View};
 use parhelion::shaders::test::trace::{Bind, Params, Spec};
@@ -93,6 +93,7 @@ fn primary(scene: &scene::Scene) -> Vec<TestRay> {
 /// Where rays leave the surfaces that were hit, and the normals there.
 fn surfaces(geometry: &Geometry, rays: &[TestRay], hits: &[TestHit]) -> Vec<(Vec3, Vec3)> {
     let triangles: Vec<_> = geometry.world_triangles().collect();
+    let offset = geometry.ray_epsilon();
     let point = |(ray, hit): (&TestRay, &TestHit)| {
         if hit.t == f32::INFINITY {
             return (Vec3::from(ray.origin), Vec3::Y);
@@ -102,7 +103,7 @@ fn surfaces(geometry: &Geometry, rays: &[TestRay], hits: &[TestHit]) -> Vec<(Vec
         let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
         let normal = if normal.dot(ray.direction.into()) > 0.0 { -normal } else { normal };
         let [v, w] = hit.barycentrics;
-        (a + (v * (b - a) + w * (c - a)) + geometry.ray_epsilon() * normal, normal)
+        (a + (v * (b - a) + w * (c - a)) + offset * normal, normal)
     };
     rays.iter().zip(hits).map(point).collect()
 }
@@ -117,22 +118,29 @@ fn main() -> anyhow::Result<()> {
     };
     let device = Device::open(&DeviceOptions::default())?;
     println!("{}, {}", device.info().name, device.info().driver());
-    println!("| scene | triangles | backend | build ms | MB | primary Mray/s | diffuse | shadow |");
+    println!("| scene | triangles | structure | build ms | MB | primary Mray/s | diffuse | shadow |");
     println!("|---|---|---|---|---|---|---|---|");
     for name in names {
         let scene = scene::load(Path::new(&name), &LoadOptions::default())?;
         let geometry = Geometry::of(&scene)?;
-        for backend in [Backend::Software, Backend::RayQuery] {
+        let ways = [
+            (Backend::Software, Levels::One, "software"),
+            (Backend::Software, Levels::Two, "two levels"),
+            (Backend::RayQuery, Levels::One, "ray-query"),
+        ];
+        for (backend, levels, label) in ways {
             if backend == Backend::RayQuery && !device.info().ray_query {
                 continue;
             }
-            let structure = Structure::build(&device, backend, &geometry, true)?;
+            let arrangement = Arrangement { levels, ..Arrangement::default() };
+            let structure = Structure::build(&device, backend, &geometry, arrangement)?;
             let mut data = SceneData { ray_epsilon: geometry.ray_epsilon(), ..SceneData::default() };
             structure.describe(&mut data);
             let spec = SceneSpec {
                 alpha_mask: false,
                 instanced: geometry.instances.len() > 1,
-                stack_depth: structure.stack_depth(),
+                stack_depth: structure.traversal().stack_depth,
+                two_levels: structure.traversal().two_levels,
                 ..SceneSpec::default()
             };
             let [ms, bytes] = structure
@@ -162,7 +170,7 @@ fn main() -> anyhow::Result<()> {
             println!(
                 "| {name} | {} | {} | {ms:.0} | {:.1} | {primary:.2} | {diffuse:.2} | {shadow:.2} |",
                 geometry.world_triangle_count(),
-                backend.name(),
+                label,
                 bytes / 1e6,
             );
         }

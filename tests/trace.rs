@@ -9,8 +9,9 @@ mod common;
 
 use glam::{Affine3A, DVec3, Quat, Vec3, vec3};
 use parhelion::accel::cpu::{BruteForce, Crossing, Ray};
+use parhelion::accel::levels::{Meshes, worthwhile};
 use parhelion::accel::software::{MAX_STACK_DEPTH, SoftwareBvh};
-use parhelion::accel::{Error, Geometry, Structure};
+use parhelion::accel::{Arrangement, Error, Geometry, Levels, Structure};
 use parhelion::graph::{Executor, Graph, Grid, RunOptions};
 use parhelion::scene::{AlphaMode, Instance, Material, Mesh, Scene, builtin};
 use parhelion::shaders::test::trace::{Bind, Params, Spec};
@@ -27,7 +28,21 @@ fn found(hit: &Hit) -> bool {
     hit.t != f32::INFINITY
 }
 
-/// A scene on the device in the structure of one backend.
+/// What rays are traced in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Way {
+    OneLevel,
+    TwoLevels,
+    RayQuery,
+}
+
+impl Way {
+    fn backend(self) -> Backend {
+        if self == Self::RayQuery { Backend::RayQuery } else { Backend::Software }
+    }
+}
+
+/// A scene on the device in one structure.
 struct Traced<'a> {
     device: &'a Device,
     backend: Backend,
@@ -36,13 +51,12 @@ struct Traced<'a> {
 }
 
 impl<'a> Traced<'a> {
-    fn new(device: &'a Device, backend: Backend, geometry: &'a Geometry) -> Self {
-        Self {
-            device,
-            backend,
-            structure: Structure::build(device, backend, geometry, true).unwrap(),
-            geometry,
-        }
+    fn new(device: &'a Device, way: Way, geometry: &'a Geometry) -> Self {
+        let levels = if way == Way::TwoLevels { Levels::Two } else { Levels::One };
+        let backend = way.backend();
+        let arrangement = Arrangement { levels, ..Arrangement::default() };
+        let structure = Structure::build(device, backend, geometry, arrangement).unwrap();
+        Self { device, backend, structure, geometry }
     }
 
     fn trace(&self, rays: &[Ray], any_hit: bool) -> Vec<Hit> {
@@ -51,7 +65,8 @@ impl<'a> Traced<'a> {
         let spec = SceneSpec {
             alpha_mask: self.geometry.source.iter().any(|s| s.blocks.masked),
             instanced: self.geometry.instances.len() > 1,
-            stack_depth: self.structure.stack_depth(),
+            stack_depth: self.structure.traversal().stack_depth,
+            two_levels: self.structure.traversal().two_levels,
             ..SceneSpec::default()
         };
         let rays: Vec<TestRay> = rays
@@ -88,13 +103,14 @@ impl<'a> Traced<'a> {
     }
 }
 
-/// Every backend the device has.
-fn with_backends(test: impl Fn(&Device, Backend)) {
+/// Every structure the device has.
+fn with_structures(test: impl Fn(&Device, Way)) {
     if let Some((_guard, device)) = common::device() {
-        test(&device, Backend::Software);
+        test(&device, Way::OneLevel);
+        test(&device, Way::TwoLevels);
     }
     if let Some((_guard, device)) = common::ray_query_device() {
-        test(&device, Backend::RayQuery);
+        test(&device, Way::RayQuery);
     }
 }
 
@@ -322,7 +338,9 @@ impl Oracle {
         }
         let id = (hit.instance, hit.primitive);
         let crossing = self.brute.crossings(ray).find(|c| (c.hit.instance, c.hit.primitive) == id);
-        let Some(crossing) = crossing else { return Err("not a triangle the ray can cross".into()) };
+        let Some(crossing) = crossing else {
+            return Err(format!("not a triangle the ray can cross: {hit:?}"));
+        };
         let off = self.along(ray, &crossing);
         if crossing.inside < -self.lateral(ray) / crossing.cosine {
             return Err(format!("{} m beside its triangle", -crossing.inside));
@@ -376,9 +394,9 @@ fn check_all<T: Sync>(rays: &[Ray], answers: &[T], check: impl Fn(&Ray, &T) -> R
 fn agrees_with_brute_force(geometry: &Geometry, count: usize) {
     let rays = rays(geometry, count);
     let oracle = Oracle::new(geometry);
-    with_backends(|device, backend| {
-        eprintln!("{backend:?}");
-        let traced = Traced::new(device, backend, geometry);
+    with_structures(|device, way| {
+        eprintln!("{way:?}");
+        let traced = Traced::new(device, way, geometry);
         check_all(&rays, &traced.closest(&rays), |ray, hit| oracle.check(ray, hit));
         check_all(&rays, &traced.any(&rays), |ray, &blocked| {
             if blocked && !oracle.possible(ray) {
@@ -462,6 +480,128 @@ fn instances_carry_the_same_ids() {
     agrees_with_brute_force(&geometry, RAYS);
 }
 
+/// Placements of every kind, each mesh several times: turned, mirrored, sheared, stretched, tiny, far from their own origin,
+/// in the same place as another; with `odd` also such as have no inverse, and one mesh with holes.
+fn placements(odd: bool) -> Geometry {
+    let turned = |angle: f32, at: Vec3| Affine3A::from_rotation_translation(Quat::from_rotation_y(angle), at);
+    let sheared = Affine3A::from_cols(
+        vec3(1.0, 0.2, 0.0).into(),
+        vec3(0.7, 1.0, -0.3).into(),
+        vec3(0.0, 0.9, 0.4).into(),
+        vec3(-2.0, 0.5, 1.0).into(),
+    );
+    let far = Vec3::splat(1e4);
+    let transforms = [
+        Affine3A::IDENTITY,
+        turned(0.7, vec3(2.0, 0.0, -1.0)),
+        turned(0.7, vec3(2.0, 0.0, -1.0)),
+        Affine3A::from_scale(vec3(-1.0, 1.0, 1.0)),
+        sheared,
+        Affine3A::from_scale_rotation_translation(vec3(3.0, 1e-3, 0.5), Quat::from_rotation_z(1.0), Vec3::Y),
+        Affine3A::from_scale(Vec3::splat(1e-4)),
+        Affine3A::from_translation(vec3(0.0, 0.0, 4.0)),
+    ];
+    let flat =
+        [vec3(1.0, 0.0, 1.0), vec3(1.0, 1e-20, 1.0), Vec3::ZERO].map(|scale| Affine3A::from_scale(scale));
+    let transforms = transforms.iter().chain(flat.iter().filter(|_| odd));
+    let holes = Mesh { materials: vec![odd.into(); 440], ..closed(12, 20, 0.2) };
+    let meshes =
+        vec![closed(5, 8, 0.1), scattered(40), moved(closed(6, 9, 0.1), 1.0, far), holes, scattered(20)];
+    let mut instances = vec![placed(4, turned(-1.0, Vec3::X))];
+    for (i, &transform) in transforms.enumerate() {
+        for mesh in 0..4 {
+            let home = if mesh == 2 { Affine3A::from_translation(-far) } else { Affine3A::IDENTITY };
+            // Each mesh in places of its own, but for the first three.
+            let apart = if i < 3 { Vec3::ZERO } else { Vec3::X * (mesh as f32 - 1.5) };
+            instances.push(placed(mesh, Affine3A::from_translation(apart) * transform * home));
+        }
+    }
+    Geometry::of(&scene(meshes, instances)).unwrap()
+}
+
+#[test]
+fn placements_of_every_kind() {
+    agrees_with_brute_force(&placements(false), RAYS / 4);
+}
+
+/// In the world triangles are the same, so what is met is, too, to the last bit; but where 32 bits make a line of a triangle
+/// there, which one level leaves out.
+#[test]
+fn two_levels_are_one() {
+    let Some((_guard, device)) = common::device() else { return };
+    let same = |geometry: &Geometry, count| {
+        let rays = rays(geometry, count);
+        let [one, two] = [Way::OneLevel, Way::TwoLevels].map(|way| Traced::new(&device, way, geometry));
+        assert!(two.structure.traversal().two_levels && !one.structure.traversal().two_levels);
+        let bits = |hit: &Hit| {
+            let [v, w] = hit.barycentrics.map(f32::to_bits);
+            found(hit).then_some((hit.t.to_bits(), hit.instance, hit.primitive, v, w))
+        };
+        let [a, b] = [&one, &two].map(|traced| traced.closest(&rays));
+        assert!(a.iter().filter(|hit| found(hit)).count() > count / 10);
+        let oracle = Oracle::new(geometry);
+        let is_line = |hit: &Hit| {
+            let triangle = oracle.brute.triangle(hit.instance, hit.primitive).unwrap();
+            let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
+            (b - a).cross(c - a) == DVec3::ZERO
+        };
+        let same = |a: &Hit, b: &Hit| bits(a) == bits(b) || found(b) && is_line(b);
+        let differ = a.iter().zip(&b).zip(&rays).filter(|((a, b), _)| !same(a, b));
+        let differ: Vec<_> = differ.map(|((a, b), ray)| format!("{ray:?}: {a:?}, {b:?}")).collect();
+        assert!(differ.is_empty(), "{} rays: {}", differ.len(), differ[0]);
+        let lines = b.iter().filter(|hit| found(hit) && is_line(hit)).count();
+        let [a, b] = [one.any(&rays), two.any(&rays)];
+        assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() <= lines);
+    };
+    same(&placements(false), RAYS);
+    same(&placements(true), RAYS / 2);
+    for (scale, offset) in [(1e-3, 0.0), (1e4, 0.0), (10.0, 1e5)] {
+        let mesh = moved(scattered(100), scale, Vec3::splat(offset));
+        let turn = |i: u8| {
+            let axis = Vec3::new(1.0, f32::from(i), 2.0).normalize();
+            let there = Affine3A::from_translation(Vec3::splat(offset));
+            there * Affine3A::from_axis_angle(axis, f32::from(i)) * there.inverse()
+        };
+        let instances = (0..9).map(|i| placed(0, turn(i))).collect();
+        same(&Geometry::of(&scene(vec![mesh], instances)).unwrap(), RAYS / 4);
+    }
+}
+
+/// What coincides would all be met at once: a ray asks one of it. Masked triangles have holes of their own.
+#[test]
+fn of_what_coincides_one_is_kept() {
+    let mut mesh = soup([[Vec3::X, Vec3::Y, Vec3::Z]; 40]);
+    mesh.materials[20..].fill(1);
+    let masked = Mesh { materials: vec![1; 40], ..mesh.clone() };
+    let instances = (0..300).map(|i| placed(i % 2, Affine3A::IDENTITY)).collect();
+    let geometry = Geometry::of(&scene(vec![mesh, masked], instances)).unwrap();
+    let meshes = Meshes::build(&geometry, false).unwrap();
+    // The opaque one of the first mesh, and all of the second.
+    assert_eq!(meshes.triangles.len(), 1 + 40);
+    let top = meshes.top().unwrap();
+    assert_eq!(top.placements.len(), 1 + 150);
+
+    let solid = soup([[Vec3::X, Vec3::Y, Vec3::Z]; 40]);
+    let instances = (0..300).map(|_| placed(0, Affine3A::IDENTITY)).collect();
+    let geometry = Geometry::of(&scene(vec![solid], instances)).unwrap();
+    let meshes = Meshes::build(&geometry, false).unwrap();
+    let placements = meshes.top().unwrap().placements;
+    assert_eq!((meshes.triangles.len(), placements.len(), placements[0].instance), (1, 1, 1));
+    agrees_with_brute_force(&geometry, 1000);
+}
+
+#[test]
+fn two_levels_are_built_where_they_save_memory() {
+    let times = |triangles: usize, placements: usize| {
+        let instances = (0..placements).map(|_| placed(0, Affine3A::IDENTITY)).collect();
+        Geometry::of(&scene(vec![soup(vec![[Vec3::X, Vec3::Y, Vec3::Z]; triangles])], instances)).unwrap()
+    };
+    assert!(worthwhile(&times(1000, 8000)));
+    assert!(!worthwhile(&times(1000, 3000)), "219 MB");
+    assert!(!worthwhile(&times(5_000_000, 1)), "nothing saved");
+    assert!(!worthwhile(&times(1, 4_000_000)), "placements take more");
+}
+
 #[test]
 fn at_equal_distance_the_lowest_id_wins() {
     let mesh = scattered(50);
@@ -474,7 +614,7 @@ fn at_equal_distance_the_lowest_id_wins() {
     agrees_with_brute_force(&geometry, 10_000);
     let rays = rays(&geometry, 10_000);
     if let Some((_guard, device)) = common::device() {
-        let hits = Traced::new(&device, Backend::Software, &geometry).closest(&rays);
+        let hits = Traced::new(&device, Way::OneLevel, &geometry).closest(&rays);
         assert!(hits.iter().any(found));
         assert!(hits.iter().filter(|hit| found(hit)).all(|hit| hit.primitive < 50));
     }
@@ -494,17 +634,15 @@ fn a_closed_mesh_leaks_no_ray_at_its_edges_and_vertices() {
                 Ray { origin, direction: target - origin, t_min: 0.0, t_max: f32::INFINITY }
             })
             .collect();
-        with_backends(|device, backend| {
-            let traced = Traced::new(device, backend, &geometry);
+        with_structures(|device, way| {
+            let traced = Traced::new(device, way, &geometry);
             let leaks = traced.closest(&rays).iter().filter(|hit| !found(hit)).count();
             let lit = traced.any(&rays).iter().filter(|blocked| !**blocked).count();
-            if backend == Backend::Software {
+            if way != Way::RayQuery {
                 assert_eq!((leaks, lit), (0, 0), "scale {scale}, offset {offset}");
             }
             if leaks > 0 {
-                eprintln!(
-                    "{backend:?}, scale {scale}, offset {offset}: the driver leaks {leaks} of {RAYS} rays"
-                );
+                eprintln!("{way:?}, scale {scale}, offset {offset}: the driver leaks {leaks} of {RAYS} rays");
             }
         });
     }
@@ -542,11 +680,11 @@ fn a_closed_box_lets_no_ray_out() {
             Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max }
         })
         .collect();
-    with_backends(|device, backend| {
-        let traced = Traced::new(device, backend, &geometry);
+    with_structures(|device, way| {
+        let traced = Traced::new(device, way, &geometry);
         let leaks = traced.closest(&rays).iter().filter(|hit| !found(hit)).count();
         let lit = traced.any(&rays).iter().filter(|blocked| !**blocked).count();
-        assert_eq!((leaks, lit), (0, 0), "{backend:?}");
+        assert_eq!((leaks, lit), (0, 0), "{way:?}");
     });
 }
 
@@ -599,8 +737,8 @@ fn surfaces_neither_shadow_themselves_nor_leak() {
                 let geometry = Geometry::of(&scene).unwrap();
                 let (outward, _): (Vec<_>, Vec<_>) = leaving(&geometry, 1.0).into_iter().unzip();
                 let (inward, own): (Vec<_>, Vec<_>) = leaving(&geometry, -1.0).into_iter().unzip();
-                with_backends(|device, backend| {
-                    let traced = Traced::new(device, backend, &geometry);
+                with_structures(|device, way| {
+                    let traced = Traced::new(device, way, &geometry);
                     let reach = 0.5 * scale;
                     let near: Vec<Ray> = outward.iter().map(|ray| Ray { t_max: reach, ..*ray }).collect();
                     let shadowed = traced.any(&near).iter().filter(|blocked| **blocked).count();
@@ -614,7 +752,7 @@ fn surfaces_neither_shadow_themselves_nor_leak() {
                     assert_eq!(
                         (shadowed, own, leaks),
                         (0, 0, 0),
-                        "{backend:?}, {context}, scale {scale}, offset {offset}, {segments} segments"
+                        "{way:?}, {context}, scale {scale}, offset {offset}, {segments} segments"
                     );
                 });
             }
@@ -642,8 +780,8 @@ fn masked_triangles_ask_the_kernel() {
         let [v, w] = c.hit.barycentrics;
         !masked || v + w <= 0.5
     };
-    with_backends(|device, backend| {
-        let traced = Traced::new(device, backend, &geometry);
+    with_structures(|device, way| {
+        let traced = Traced::new(device, way, &geometry);
         let hits = traced.closest(&rays);
         let blocked = traced.any(&rays);
         let mut masked_hits = 0;
@@ -660,11 +798,11 @@ fn masked_triangles_ask_the_kernel() {
                 continue;
             }
             let expected = crossings.iter().filter(|c| solid(c)).min_by(|a, b| a.hit.t.total_cmp(&b.hit.t));
-            assert_eq!(found(hit), expected.is_some(), "{backend:?} {ray:?}");
-            assert_eq!(blocked, expected.is_some(), "{backend:?} {ray:?}");
+            assert_eq!(found(hit), expected.is_some(), "{way:?} {ray:?}");
+            assert_eq!(blocked, expected.is_some(), "{way:?} {ray:?}");
             if let Some(expected) = expected {
                 let id = (expected.hit.instance, expected.hit.primitive);
-                assert_eq!((hit.instance, hit.primitive), id, "{backend:?} {ray:?}");
+                assert_eq!((hit.instance, hit.primitive), id, "{way:?} {ray:?}");
                 masked_hits += usize::from(oracle.triangle(id.0, id.1).unwrap().blocks.masked);
             }
         }
@@ -685,7 +823,7 @@ fn degenerate_rays_end() {
         Ray { t_max: 0.0, ..good },
     ];
     if let Some((_guard, device)) = common::device() {
-        let traced = Traced::new(&device, Backend::Software, &geometry);
+        let traced = Traced::new(&device, Way::OneLevel, &geometry);
         assert!(found(&traced.closest(&[good])[0]));
         assert!(traced.closest(&odd).iter().all(|hit| !found(hit)));
         assert!(!traced.any(&odd).contains(&true));
@@ -700,7 +838,7 @@ fn a_hundred_thousand_nested_slivers_build_and_trace() {
     if let Some((_guard, device)) = common::device() {
         let rays = rays(&geometry, 64);
         let oracle = Oracle::new(&geometry);
-        let traced = Traced::new(&device, Backend::Software, &geometry);
+        let traced = Traced::new(&device, Way::OneLevel, &geometry);
         check_all(&rays, &traced.closest(&rays), |ray, hit| oracle.check(ray, hit));
     }
 }

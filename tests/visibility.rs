@@ -7,7 +7,7 @@ use glam::{Affine3A, Quat, Vec3, vec3};
 use parhelion::ErrorClass;
 use parhelion::accel::boxes::{Bounds, BoxOptions, Boxes};
 use parhelion::accel::cpu::{BoxBruteForce, BruteForce, Ray};
-use parhelion::accel::{Geometry, Structure};
+use parhelion::accel::{Arrangement, Geometry, Levels, Structure};
 use parhelion::config::RenderConfig;
 use parhelion::graph::{Executor, Graph, Grid, RunOptions};
 use parhelion::metrics;
@@ -204,7 +204,8 @@ fn trace(
     options: Option<&BoxOptions>,
     rays: &[Ray],
 ) -> Vec<bool> {
-    let mut structure = Structure::build(device, backend, geometry, false).unwrap();
+    let whole = Arrangement { whole: true, levels: Levels::One };
+    let mut structure = Structure::build(device, backend, geometry, whole).unwrap();
     if let Some(options) = options {
         structure.build_boxes(device, geometry, options).unwrap();
     }
@@ -212,7 +213,7 @@ fn trace(
     structure.describe(&mut data);
     let spec = SceneSpec {
         alpha_mask: geometry.source.iter().any(|s| s.blocks.masked),
-        stack_depth: structure.stack_depth(),
+        stack_depth: structure.traversal().stack_depth,
         visibility: visibility as u32,
         ..SceneSpec::default()
     };
@@ -579,8 +580,13 @@ fn boxes_are_built_when_asked_for_and_kept() {
 fn what_ray_query_has_not_is_said() {
     let Some((_guard, device)) = common::ray_query_device() else { return };
     let (scene, camera) = lit_room(false);
-    let new =
-        |backend, visibility| Renderer::new(&device, scene.clone(), &RendererOptions { backend, visibility });
+    let new = |backend, visibility| {
+        Renderer::new(
+            &device,
+            scene.clone(),
+            &RendererOptions { backend, visibility, ..RendererOptions::default() },
+        )
+    };
     let ray_query = BackendChoice::Force(Backend::RayQuery);
     let late = new(ray_query, Visibility::Exact).unwrap().render(
         &config(Visibility::BoxesInline),

@@ -14,7 +14,7 @@ vec3 arriving(vec3 light, vec3 from, vec3 along, float reach, inout uint rays) {
     ++rays;
     Probe ray = probe(from, along);
     float t = reach;
-    uint met;
+    uvec2 met;
     if (!meet(ray, 0.0, t, false, met)) return light;
     if (!SHEER || !is_sheer(ray, met)) return vec3(0.0);
     float t_min = 0.0;

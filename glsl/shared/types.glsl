@@ -176,6 +176,8 @@ struct SceneData {
     uint64_t excess_columns;
     uint64_t bvh_nodes;
     uint64_t bvh_triangles;
+    uint64_t bvh_top; // nodes over placements, where there are two levels
+    uint64_t bvh_placements;
     uint64_t box_nodes; // of the structure over boxes, if there is one
     uint64_t boxes;
     uint64_t box_planes;

@@ -53,7 +53,7 @@ void main() {
     put(s.instances); put(s.triangles); put(s.positions); put(s.normals); put(s.uv0); put(s.uv1); put(s.colors); put(s.tangents);
     put(s.materials); put(s.textures); put(s.lights); put(s.light_choices); put(s.emission_weights);
     put(s.environment); put(s.environment_rows); put(s.environment_columns); put(s.excess_rows);
-    put(s.excess_columns); put(s.bvh_nodes); put(s.bvh_triangles); put(s.box_nodes); put(s.boxes); put(s.box_planes); put(s.ray_counters);
+    put(s.excess_columns); put(s.bvh_nodes); put(s.bvh_triangles); put(s.bvh_top); put(s.bvh_placements); put(s.box_nodes); put(s.boxes); put(s.box_planes); put(s.ray_counters);
     put(s.light_nodes); put(s.emitter_leaves);
     put(s.light_count); put(s.triangle_count); put(s.ray_epsilon); put(s.scene_center); put(s.scene_radius);
     put(s.camera.eye); put(s.camera.orthographic); put(s.camera.right);

@@ -57,7 +57,7 @@ bool triangles_box_blocks(Segment ray, uint index)
 }
 
 // Any box that blocks is as good as the nearest.
-bool meets(Segment ray, uint index, uint best, float t_min, float t_max, out float t)
+bool meets(Segment ray, uint index, uvec2 best, float t_min, float t_max, out float t)
 {
     t = t_max;
     return VISIBILITY == VISIBILITY_BOXES_INLINE ? triangles_box_blocks(ray, index) : stored_box_blocks(ray, index);
@@ -72,7 +72,7 @@ bool trace_any_box(vec3 origin, vec3 direction, float t_min, float t_max)
     if (VISIBILITY == VISIBILITY_EXACT) return trace_any(origin, direction, t_min, t_max);
     BvhNodes nodes = BvhNodes(VISIBILITY == VISIBILITY_BOXES_INLINE ? scene.bvh_nodes : scene.box_nodes);
     Segment ray = segment(origin, direction, t_min, t_max);
-    return traverse(nodes, node_ray(origin, direction), ray, t_min, t_max, true) != NONE;
+    return traverse(nodes, node_ray(origin, direction), ray, t_min, t_max, true).x != NONE;
 }
 
 #endif

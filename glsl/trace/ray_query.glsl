@@ -59,10 +59,10 @@ Probe probe(vec3 origin, vec3 direction) { return Probe(origin, direction); }
 
 Hit last_met;
 
-bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met)
+bool meet(Probe ray, float t_min, inout float t, bool nearest, out uvec2 met)
 {
     rayQueryEXT query;
-    met = 0u;
+    met = uvec2(0u);
     uint flags = nearest ? gl_RayFlagsNoneEXT : gl_RayFlagsTerminateOnFirstHitEXT;
     if (!proceed(query, flags, ray.origin, ray.direction, t_min, t)) return false;
     last_met = committed(query);
@@ -70,13 +70,13 @@ bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met)
     return true;
 }
 
-bool is_sheer(Probe ray, uint met)
+bool is_sheer(Probe ray, uvec2 met)
 {
     uint first = InstanceArray(scene.instances)[last_met.instance].at.first_triangle;
     uint material = TriangleArray(scene.triangles)[first + last_met.primitive].at.material & ~TRIANGLE_MIRRORED;
     return (MaterialArray(scene.materials)[material].at.flags & MATERIAL_SHEER) != 0u;
 }
 
-Hit hit_of(Probe ray, uint met, float t) { return last_met; }
+Hit hit_of(Probe ray, uvec2 met, float t) { return last_met; }
 
 #endif

@@ -8,6 +8,10 @@
 // Boxes are entered early and left late by more than all rounding errors of box and triangle test together:
 // up to 20 units of 2^-24 of the origin's and the scene's largest coordinates; 32 are taken (scene.ray_epsilon
 // is 8 of the scene's).
+//
+// Where TWO_LEVELS holds, nodes over placements lie above nodes over a mesh's triangles. The ray goes on in object space
+// for boxes alone: a triangle is placed, rounded as accel::world_position rounds it, before it is tested, so that a hit is
+// the same, bit for bit, as where all triangles lie in one level.
 #ifndef TRACE_SOFTWARE_GLSL
 #define TRACE_SOFTWARE_GLSL
 
@@ -17,6 +21,7 @@
 
 const uint MAX_STACK_DEPTH = 24u;
 layout(constant_id = 111) const uint STACK_DEPTH = MAX_STACK_DEPTH; // levels of nodes
+layout(constant_id = 113) const bool TWO_LEVELS = false;
 
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhNodes { uvec4 word[]; };
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhTriangles { vec4 word[]; };
@@ -75,11 +80,6 @@ bool intersect(RayFrame frame, vec3 a, vec3 b, vec3 c, out vec3 t_barycentrics)
     return true;
 }
 
-uvec2 triangle_id(BvhTriangles triangles, uint first_word)
-{
-    return floatBitsToUint(vec2(triangles.word[first_word].w, triangles.word[first_word + 1u].w));
-}
-
 bool precedes(uvec2 id, uvec2 other)
 {
     return id.x < other.x || (id.x == other.x && id.y < other.y);
@@ -94,11 +94,16 @@ struct NodeRay {
     uint octant; // children lie in the slots of the octants they are seen from; near ones block sooner too
 };
 
-NodeRay node_ray(vec3 origin, vec3 direction)
+// How far boxes stand out (m) for rays from here.
+float node_slack(vec3 origin)
+{
+    vec3 reach = abs(origin);
+    return 4 * scene.ray_epsilon + max(reach.x, max(reach.y, reach.z)) * uintBitsToFloat((127u - 19u) << 23);
+}
+
+NodeRay node_ray(vec3 origin, vec3 direction, vec3 slack)
 {
     vec3 inverse = 1 / without_zeros(direction);
-    vec3 reach = abs(origin);
-    float slack = 4 * scene.ray_epsilon + max(reach.x, max(reach.y, reach.z)) * uintBitsToFloat((127u - 19u) << 23);
     vec3 enter = -origin * inverse - slack * abs(inverse);
     vec3 leave = -origin * inverse + slack * abs(inverse);
     bvec3 negative = lessThan(inverse, vec3(0));
@@ -106,10 +111,12 @@ NodeRay node_ray(vec3 origin, vec3 direction)
     return NodeRay(inverse, enter, leave, negative, octant);
 }
 
+NodeRay node_ray(vec3 origin, vec3 direction) { return node_ray(origin, direction, vec3(node_slack(origin))); }
+
 const uint NONE = 0xffffffffu; // no primitive
 
 // Siblings to visit. x: the first one's index; y: which slots are to be visited (8 bits) and which hold nodes (8 bits).
-const uvec2 ROOT = uvec2(0, 0x80000000u);
+uvec2 root(uint index) { return uvec2(index, 0x80000000u); }
 
 // Visits the nearest node of `group` and leaves the others on the stack; `group` becomes those of its children that
 // the ray meets. Returns where its primitives begin and which of the 24 the ray may meet.
@@ -157,74 +164,115 @@ uvec2 visit(BvhNodes nodes, NodeRay ray, float t_min, float t_max, inout uvec2 g
     return uvec2(n1.y, hits & 0x00ffffffu);
 }
 
-// Whether anything is left to visit; if `group` is empty it comes from the stack.
-bool proceed(inout uvec2 group, inout uint top)
+// Whether anything is left to visit; if `group` is empty it comes from the stack, down to `bottom`.
+bool proceed(inout uvec2 group, inout uint top, uint bottom)
 {
     if (group.y > 0x00ffffffu) return true;
-    if (top == 0u) return false;
+    if (top == bottom) return false;
     --top;
     group = trace_stack[top];
     return true;
 }
 
+// What of a ray decides which triangles it meets; of two levels also where those of the placement that it is in lie.
 struct TriangleRay {
     BvhTriangles triangles;
     RayFrame frame;
     vec3 origin;
+    vec3 direction;
+    mat4x3 placement;
+    uint instance;
 };
+
+// Seven words each, read whole: of single components lavapipe of Mesa 22.3 takes others. Twin: accel::levels::Placement.
+layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer BvhPlacements { vec4 word[]; };
+
+void set_placement(uint placement, inout TriangleRay ray)
+{
+    BvhPlacements placements = BvhPlacements(scene.bvh_placements);
+    vec4 x = placements.word[7u * placement];
+    vec4 y = placements.word[7u * placement + 1u];
+    vec4 z = placements.word[7u * placement + 2u];
+    vec4 at = placements.word[7u * placement + 3u];
+    ray.placement = mat4x3(x.xyz, y.xyz, z.xyz, at.xyz);
+    ray.instance = floatBitsToUint(y.w);
+}
+
+// The ray as nodes of a placement's mesh see it, and the first of those. All its errors are within twice the slack of
+// nodes in the world, carried over.
+NodeRay placed_ray(uint placement, TriangleRay ray, out uint first)
+{
+    BvhPlacements placements = BvhPlacements(scene.bvh_placements);
+    vec4 x = placements.word[7u * placement];
+    vec4 at = placements.word[7u * placement + 3u];
+    vec4 inverse_x = placements.word[7u * placement + 4u];
+    vec4 inverse_y = placements.word[7u * placement + 5u];
+    vec4 inverse_z = placements.word[7u * placement + 6u];
+    first = floatBitsToUint(x.w);
+    mat3 inverse = mat3(inverse_x.xyz, inverse_y.xyz, inverse_z.xyz);
+    mat3 size = mat3(abs(inverse[0]), abs(inverse[1]), abs(inverse[2]));
+    vec3 slack = size * vec3(2 * node_slack(ray.origin));
+    return node_ray(inverse * (ray.origin - at.xyz), inverse * ray.direction, slack);
+}
+
+vec3 vertex(TriangleRay ray, vec4 word)
+{
+    if (!TWO_LEVELS) return word.xyz - ray.origin;
+    mat4x3 m = ray.placement;
+    precise vec3 at = ((m[0] * word.x + m[1] * word.y) + m[2] * word.z) + m[3];
+    return at - ray.origin;
+}
 
 // Last word of a triangle in a leaf: bits. Twin: accel::software.
 const uint LEAF_MASKED = 1u;
 const uint LEAF_SHEER = 2u;
 const uint LEAF_PANE = 4u;
 
-bool meets(TriangleRay ray, uint index, uint best, float t_min, float t_max, out float t)
+// Of two levels a triangle is named by its index and its placement.
+uvec2 triangle_id(TriangleRay ray, uvec2 met)
+{
+    vec4 b = ray.triangles.word[3u * met.x + 1u];
+    vec4 named = ray.triangles.word[3u * met.x];
+    if (TWO_LEVELS) named = BvhPlacements(scene.bvh_placements).word[7u * met.y + 1u];
+    return floatBitsToUint(vec2(named.w, b.w));
+}
+
+bool meets(TriangleRay ray, uint index, uvec2 best, float t_min, float t_max, out float t)
 {
     vec4 a = ray.triangles.word[3u * index];
     vec4 b = ray.triangles.word[3u * index + 1u];
     vec4 c = ray.triangles.word[3u * index + 2u];
     vec3 t_barycentrics;
-    bool met = intersect(ray.frame, a.xyz - ray.origin, b.xyz - ray.origin, c.xyz - ray.origin, t_barycentrics);
+    bool met = intersect(ray.frame, vertex(ray, a), vertex(ray, b), vertex(ray, c), t_barycentrics);
     t = t_barycentrics.x;
+    uint instance = TWO_LEVELS ? ray.instance : floatBitsToUint(a.w);
     met = met && t > t_min && t <= t_max;
     if (met && t == t_max) {
-        uvec2 id = floatBitsToUint(vec2(a.w, b.w));
-        met = best != NONE && !precedes(triangle_id(ray.triangles, 3u * best), id);
+        met = best.x != NONE && !precedes(triangle_id(ray, best), uvec2(instance, floatBitsToUint(b.w)));
     }
     if (ALPHA_MASK && met && (floatBitsToUint(c.w) & LEAF_MASKED) != 0u) {
-        met = !alpha_hole(floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
+        met = !alpha_hole(instance, floatBitsToUint(b.w), t_barycentrics.yz);
     }
     return met;
 }
 
 #define RAY TriangleRay
+#define LEVELS
 #include "trace/traverse.glsl"
+#undef LEVELS
 #undef RAY
 
 // Barycentrics are worked out again rather than kept in registers all along.
-Hit hit_of(TriangleRay ray, uint best, float t)
+Hit hit_of(TriangleRay ray, uvec2 best, float t)
 {
-    vec4 a = ray.triangles.word[3u * best];
-    vec4 b = ray.triangles.word[3u * best + 1u];
-    vec4 c = ray.triangles.word[3u * best + 2u];
+    vec4 a = ray.triangles.word[3u * best.x];
+    vec4 b = ray.triangles.word[3u * best.x + 1u];
+    vec4 c = ray.triangles.word[3u * best.x + 2u];
+    if (TWO_LEVELS) set_placement(best.y, ray);
     vec3 t_barycentrics;
-    intersect(ray.frame, a.xyz - ray.origin, b.xyz - ray.origin, c.xyz - ray.origin, t_barycentrics);
-    return Hit(t, floatBitsToUint(a.w), floatBitsToUint(b.w), t_barycentrics.yz);
-}
-
-bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
-{
-    TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
-    uint best = traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, false);
-    if (best == NONE) return false;
-    hit = hit_of(ray, best, t_max);
-    return true;
-}
-
-bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
-{
-    TriangleRay ray = TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin);
-    return traverse(BvhNodes(scene.bvh_nodes), node_ray(origin, direction), ray, t_min, t_max, true) != NONE;
+    intersect(ray.frame, vertex(ray, a), vertex(ray, b), vertex(ray, c), t_barycentrics);
+    uint instance = TWO_LEVELS ? ray.instance : floatBitsToUint(a.w);
+    return Hit(t, instance, floatBitsToUint(b.w), t_barycentrics.yz);
 }
 
 struct Probe {
@@ -234,20 +282,38 @@ struct Probe {
 
 Probe probe(vec3 origin, vec3 direction)
 {
-    return Probe(node_ray(origin, direction), TriangleRay(BvhTriangles(scene.bvh_triangles), ray_frame(direction), origin));
+    BvhTriangles triangles = BvhTriangles(scene.bvh_triangles);
+    TriangleRay ray = TriangleRay(triangles, ray_frame(direction), origin, direction, mat4x3(1.0), 0u);
+    return Probe(node_ray(origin, direction), ray);
 }
 
-bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met)
+bool meet(Probe ray, float t_min, inout float t, bool nearest, out uvec2 met)
 {
-    met = traverse(BvhNodes(scene.bvh_nodes), ray.node, ray.triangle, t_min, t, !nearest);
-    return met != NONE;
+    BvhNodes nodes = BvhNodes(TWO_LEVELS ? scene.bvh_top : scene.bvh_nodes);
+    met = traverse(nodes, ray.node, ray.triangle, t_min, t, !nearest);
+    return met.x != NONE;
 }
 
-bool is_sheer(Probe ray, uint met)
+bool is_sheer(Probe ray, uvec2 met)
 {
-    return (floatBitsToUint(ray.triangle.triangles.word[3u * met + 2u].w) & LEAF_SHEER) != 0u;
+    return (floatBitsToUint(ray.triangle.triangles.word[3u * met.x + 2u].w) & LEAF_SHEER) != 0u;
 }
 
-Hit hit_of(Probe ray, uint met, float t) { return hit_of(ray.triangle, met, t); }
+Hit hit_of(Probe ray, uvec2 met, float t) { return hit_of(ray.triangle, met, t); }
+
+bool trace_closest(vec3 origin, vec3 direction, float t_min, float t_max, out Hit hit)
+{
+    Probe ray = probe(origin, direction);
+    uvec2 met;
+    if (!meet(ray, t_min, t_max, true, met)) return false;
+    hit = hit_of(ray, met, t_max);
+    return true;
+}
+
+bool trace_any(vec3 origin, vec3 direction, float t_min, float t_max)
+{
+    uvec2 met;
+    return meet(probe(origin, direction), t_min, t_max, false, met);
+}
 
 #endif

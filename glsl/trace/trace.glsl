@@ -7,9 +7,9 @@
 // For lib/visibility.glsl, which asks sheer surfaces how much light they let straight through:
 //
 // Probe probe(vec3 origin, vec3 direction);
-// bool meet(Probe ray, float t_min, inout float t, bool nearest, out uint met);   before t, which becomes where if nearest
-// bool is_sheer(Probe ray, uint met);                                             of what was met last
-// Hit hit_of(Probe ray, uint met, float t);
+// bool meet(Probe ray, float t_min, inout float t, bool nearest, out uvec2 met);   before t, which becomes where if nearest
+// bool is_sheer(Probe ray, uvec2 met);                                             of what was met last
+// Hit hit_of(Probe ray, uvec2 met, float t);
 //
 // One more function, trace_any_box, is in trace/boxes.glsl.
 //

@@ -13,12 +13,13 @@
 pub mod boxes;
 pub mod cpu;
 mod hardware;
+pub mod levels;
 mod report;
 pub mod software;
 mod structure;
 
 pub use report::StructureReport;
-pub use structure::Structure;
+pub use structure::{Arrangement, Levels, Structure, Traversal};
 
 use crate::ErrorClass;
 use crate::memory::{Budget, Shortage};

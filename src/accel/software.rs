@@ -6,7 +6,8 @@
 //! takes quadratic time and linear depth on nested boxes; child boxes are requantised here because theirs may
 //! be a rounding too small, and a closed mesh must not leak.
 //!
-//! Instances are flattened: 48 bytes a triangle and about 25 of nodes.
+//! Instances are flattened, 48 bytes a triangle and about 25 of nodes, unless [two levels](super::levels) are asked for or
+//! take much less.
 
 use super::boxes::{Bounds, Boxes};
 use super::{Blocks, Error, Geometry, WorldTriangle};
@@ -35,7 +36,7 @@ const SAH_DEPTH: u32 = 64;
 const BINS: usize = 64;
 /// Bytes of the host's memory that a triangle or box takes until the structure is on the device, which is in the same
 /// memory where the device is a CPU: 305 were measured at the peak for 2 to 8 million.
-const HOST_BYTES: u64 = 384;
+pub(super) const HOST_BYTES: u64 = 384;
 
 /// Bit of [`LeafTriangle::blocks`]: there may be a hole, by the material's alpha.
 pub const MASKED: u32 = crate::shaders::LEAF_MASKED;
@@ -82,7 +83,7 @@ impl SoftwareBvh {
     /// triangles.
     pub fn build(geometry: &Geometry, split: bool, available_bytes: u64) -> Result<Self, Error> {
         let count = geometry.world_triangle_count();
-        super::at_most("triangles with all instances counted", count, MAX_TRIANGLES)?;
+        check_count(count)?;
         super::room("triangles", count, HOST_BYTES)?;
         let too_large = |bytes| Error::TooLarge { triangles: count, bytes, available: available_bytes };
         let triangle_bytes = count * size_of::<LeafTriangle>() as u64;
@@ -93,10 +94,9 @@ impl SoftwareBvh {
         // A placement can flatten triangles that had area.
         let triangles: Vec<WorldTriangle> =
             geometry.world_triangles().filter(|triangle| super::has_area(triangle.vertices)).collect();
-        let mut boxes: Vec<Aabb> =
-            triangles.iter().map(|triangle| Aabb::from_points(&triangle.vertices.map(Vec3A::from))).collect();
+        let mut boxes: Vec<Aabb> = triangles.iter().map(triangle_box).collect();
         let of = if split { pre_split(&triangles, &mut boxes) } else { (0..boxes.len() as u32).collect() };
-        let (tree, stack_depth) = wide_tree(&boxes)?;
+        let (tree, stack_depth) = wide_tree(&boxes, MAX_STACK_DEPTH)?;
         let triangle = |piece: &u32| leaf_triangle(&triangles[of[*piece as usize] as usize]);
         let triangles = tree.primitive_indices.iter().map(triangle);
         let bvh = Self { triangles: triangles.collect(), nodes: tree.nodes, stack_depth };
@@ -143,7 +143,8 @@ impl SoftwareBoxes {
         super::at_most("bounding boxes", boxes.bounds.len() as u64, MAX_TRIANGLES)?;
         super::room("triangles' boxes", boxes.bounds.len() as u64, HOST_BYTES)?;
         let aabb = |bounds: &Bounds| Aabb::new(bounds.low.into(), bounds.high.into());
-        let (tree, stack_depth) = wide_tree(&boxes.bounds.iter().map(aabb).collect::<Vec<_>>())?;
+        let (tree, stack_depth) =
+            wide_tree(&boxes.bounds.iter().map(aabb).collect::<Vec<_>>(), MAX_STACK_DEPTH)?;
         let order = || tree.primitive_indices.iter().map(|&index| index as usize);
         let sorted = Boxes {
             bounds: order().map(|index| boxes.bounds[index]).collect(),
@@ -159,11 +160,19 @@ impl SoftwareBoxes {
     }
 }
 
-/// The eight-wide tree over boxes, and its levels of nodes.
-fn wide_tree(boxes: &[Aabb]) -> Result<(CwBvh, u32), Error> {
+pub(super) fn check_count(triangles: u64) -> Result<(), Error> {
+    super::at_most("triangles with all instances counted", triangles, MAX_TRIANGLES)
+}
+
+pub(super) fn triangle_box(triangle: &WorldTriangle) -> Aabb {
+    Aabb::from_points(&triangle.vertices.map(Vec3A::from))
+}
+
+/// The eight-wide tree over boxes, and its levels of nodes: more than `most_levels` only where halving by count makes more.
+pub(super) fn wide_tree(boxes: &[Aabb], most_levels: u32) -> Result<(CwBvh, u32), Error> {
     let mut tree = collapse(&binary_tree(boxes, SAH_DEPTH, REINSERTIONS));
     let mut stack_depth = depth(&tree.nodes);
-    if stack_depth > MAX_STACK_DEPTH {
+    if stack_depth > most_levels {
         tree = collapse(&binary_tree(boxes, 0, 0.0));
         stack_depth = depth(&tree.nodes);
     }
@@ -177,7 +186,7 @@ fn wide_tree(boxes: &[Aabb]) -> Result<(CwBvh, u32), Error> {
 /// have less than 1/1.5 of it (1/1.4 below twice the average), so there are never more than five times as many. On an
 /// H100 this takes 15 % off scattered rays in the Conference room, which gets 17 % more boxes; splitting more, or
 /// only the largest, gains less.
-fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
+pub(super) fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
     let mut of: Vec<u32> = (0..boxes.len() as u32).collect();
     let areas = || boxes.iter().map(Aabb::half_area);
     let largest = areas().fold(0.0, f32::max);
@@ -197,7 +206,7 @@ fn blocks_bits(blocks: Blocks) -> u32 {
     bit(blocks.masked, MASKED) | bit(blocks.sheer, SHEER) | bit(blocks.pane, PANE)
 }
 
-fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
+pub(super) fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
     let [a, b, c] = triangle.vertices.map(|vertex| vertex.to_array());
     LeafTriangle {
         a,

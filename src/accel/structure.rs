@@ -2,12 +2,35 @@ use super::boxes::{BoxOptions, Boxes};
 use super::hardware::{Hardware, HardwareBoxes};
 use super::{
     Error, Geometry, StructureReport,
-    software::{SoftwareBoxes, SoftwareBvh},
+    levels::{self, Meshes},
+    software::{MAX_STACK_DEPTH, SoftwareBoxes, SoftwareBvh},
 };
 use crate::shaders::SceneData;
 use crate::vk::{self, AccelerationStructure, Backend};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// How the software structure is arranged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Arrangement {
+    /// Whether each triangle lies in one leaf, whose box is its own. Otherwise [large slanted ones](SoftwareBvh::build) do in
+    /// several.
+    pub whole: bool,
+    /// Whether placements have a level of their own.
+    pub levels: Levels,
+}
+
+/// Whether placements have a level of their own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Levels {
+    /// Where it [saves much memory](levels::worthwhile).
+    #[default]
+    ByMemory,
+    /// Never.
+    One,
+    /// Always.
+    Two,
+}
 
 /// A structure on the device that answers rays for one backend. Clones share what is built.
 #[derive(Clone, Debug)]
@@ -19,8 +42,88 @@ pub struct Structure {
 
 #[derive(Debug)]
 enum Built {
-    Software { nodes: vk::Buffer, triangles: Option<vk::Buffer>, stack_depth: u32, split: bool },
+    Software(Software),
     Hardware(Hardware),
+}
+
+#[derive(Debug)]
+struct Software {
+    /// Absent where two levels hold no triangle.
+    nodes: Option<vk::Buffer>,
+    triangles: Option<vk::Buffer>,
+    top: Option<SoftwareTop>,
+    stack_depth: u32,
+    whole: bool,
+}
+
+#[derive(Debug)]
+struct SoftwareTop {
+    nodes: vk::Buffer,
+    placements: Option<vk::Buffer>,
+}
+
+impl Software {
+    fn build(
+        device: &vk::Device,
+        geometry: &Geometry,
+        arrangement: Arrangement,
+    ) -> Result<(Self, Vec<StructureReport>), Error> {
+        let Arrangement { whole, levels } = arrangement;
+        let start = Instant::now();
+        if levels == Levels::Two || levels == Levels::ByMemory && levels::worthwhile(geometry) {
+            let meshes = Meshes::build(geometry, !whole)?;
+            let bytes = size_of_val(&meshes.nodes[..]) + size_of_val(&meshes.triangles[..]);
+            let (triangles, available) = (geometry.world_triangle_count(), device.info().memory_bytes);
+            if bytes as u64 > available {
+                return Err(Error::TooLarge { triangles, bytes: bytes as u64, available });
+            }
+            let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?;
+            let triangles = upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?;
+            let lower = report(Backend::Software.name(), start, bytes, geometry.triangles.len() as u64);
+            let start = Instant::now();
+            let top = meshes.top()?;
+            let buffers = SoftwareTop {
+                nodes: device.upload("bvh.top", bytemuck::cast_slice(&top.nodes))?,
+                placements: upload(device, "bvh.placements", bytemuck::cast_slice(&top.placements))?,
+            };
+            let bytes = size_of_val(&top.nodes[..]) + size_of_val(&top.placements[..]);
+            let upper = report("software-top", start, bytes, top.placements.len() as u64);
+            let stack_depth = meshes.stack_depth(&top);
+            let built = Self { nodes, triangles, top: Some(buffers), stack_depth, whole };
+            return Ok((built, vec![lower, upper]));
+        }
+        let bvh = SoftwareBvh::build(geometry, !whole, device.info().memory_bytes)?;
+        let nodes = upload(device, "bvh.nodes", bvh.node_bytes())?;
+        let triangles = upload(device, "bvh.triangles", bvh.triangle_bytes())?;
+        let bytes = bvh.bytes() as usize;
+        let report = report(Backend::Software.name(), start, bytes, geometry.world_triangle_count());
+        Ok((Self { nodes, triangles, top: None, stack_depth: bvh.stack_depth, whole }, vec![report]))
+    }
+}
+
+fn upload(device: &vk::Device, name: &str, bytes: &[u8]) -> Result<Option<vk::Buffer>, vk::Error> {
+    if bytes.is_empty() { Ok(None) } else { device.upload(name, bytes).map(Some) }
+}
+
+fn report(name: &str, start: Instant, bytes: usize, primitives: u64) -> StructureReport {
+    let build_ms = start.elapsed().as_secs_f64() * 1e3;
+    StructureReport { name: name.into(), build_ms, bytes: bytes as u64, primitives }
+}
+
+/// What kernels must know of a software structure to traverse it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Traversal {
+    /// What `STACK_DEPTH` must be.
+    pub stack_depth: u32,
+    /// What `TWO_LEVELS` must be.
+    pub two_levels: bool,
+}
+
+impl Default for Traversal {
+    /// Of one level, whatever its depth.
+    fn default() -> Self {
+        Self { stack_depth: MAX_STACK_DEPTH, two_levels: false }
+    }
 }
 
 /// The second structure, over triangles' boxes.
@@ -39,7 +142,7 @@ enum TracedBoxes {
 }
 
 impl Structure {
-    /// Builds what `backend` needs and nothing else. `split`: as for [`SoftwareBvh::build`].
+    /// Builds what `backend` needs and nothing else; the software structure as arranged.
     ///
     /// # Errors
     /// Too much geometry for the device, or too little memory.
@@ -47,53 +150,34 @@ impl Structure {
         device: &vk::Device,
         backend: Backend,
         geometry: &Geometry,
-        split: bool,
+        arrangement: Arrangement,
     ) -> Result<Self, Error> {
         if backend == Backend::RayQuery {
             let (hardware, reports) = Hardware::build(device, geometry)?;
             let built = Arc::new(Built::Hardware(hardware));
             return Ok(Self { built, boxes: None, reports: reports.into() });
         }
-        let (built, report) = Self::software(device, geometry, split)?;
-        Ok(Self { built: Arc::new(built), boxes: None, reports: vec![report] })
+        let (software, reports) = Software::build(device, geometry, arrangement)?;
+        Ok(Self { built: Arc::new(Built::Software(software)), boxes: None, reports })
     }
 
-    /// Whether the boxes of all leaves bound whole triangles, as visibility by leaves' boxes needs.
+    /// Whether the boxes of all leaves bound whole triangles in the world, as visibility by leaves' boxes needs.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        matches!(*self.built, Built::Software { split: false, .. })
+        matches!(*self.built, Built::Software(Software { whole: true, top: None, .. }))
     }
 
-    /// Builds the software structure again, over whole triangles.
+    /// Builds the software structure again, over whole triangles in one level.
     ///
     /// # Errors
     /// Too little memory; then all stays as it was.
     pub fn rebuild_whole(&mut self, device: &vk::Device, geometry: &Geometry) -> Result<(), Error> {
-        let (built, report) = Self::software(device, geometry, false)?;
-        self.reports.iter_mut().filter(|old| old.name == report.name).for_each(|old| *old = report.clone());
-        self.built = Arc::new(built);
+        let whole = Arrangement { whole: true, levels: Levels::One };
+        let (software, reports) = Software::build(device, geometry, whole)?;
+        let boxes = self.reports.drain(..).filter(|report| report.name.starts_with("boxes"));
+        self.reports = reports.into_iter().chain(boxes).collect();
+        self.built = Arc::new(Built::Software(software));
         Ok(())
-    }
-
-    fn software(
-        device: &vk::Device,
-        geometry: &Geometry,
-        split: bool,
-    ) -> Result<(Built, StructureReport), Error> {
-        let start = Instant::now();
-        let bvh = SoftwareBvh::build(geometry, split, device.info().memory_bytes)?;
-        let nodes = device.upload("bvh.nodes", bvh.node_bytes())?;
-        let triangles = match bvh.triangle_bytes() {
-            [] => None,
-            bytes => Some(device.upload("bvh.triangles", bytes)?),
-        };
-        let report = StructureReport {
-            name: Backend::Software.name().into(),
-            build_ms: start.elapsed().as_secs_f64() * 1e3,
-            bytes: bvh.bytes(),
-            primitives: geometry.world_triangle_count(),
-        };
-        Ok((Built::Software { nodes, triangles, stack_depth: bvh.stack_depth, split }, report))
     }
 
     /// Whether [`Self::build_boxes`] has built what `options` ask for.
@@ -123,28 +207,24 @@ impl Structure {
             if bytes > available { Err(Error::TooLarge { triangles, bytes, available }) } else { Ok(()) }
         };
         fits(bytes)?;
-        let upload = |name: &str, bytes: &[u8]| {
-            if bytes.is_empty() { Ok(None) } else { device.upload(name, bytes).map(Some) }
-        };
         let arrays = |boxes: &Boxes| {
-            let bounds = upload("boxes.bounds", bytemuck::cast_slice(&boxes.bounds))?;
-            Ok::<_, vk::Error>((bounds, upload("boxes.planes", bytemuck::cast_slice(&boxes.planes))?))
+            let bounds = upload(device, "boxes.bounds", bytemuck::cast_slice(&boxes.bounds))?;
+            let planes = upload(device, "boxes.planes", bytemuck::cast_slice(&boxes.planes))?;
+            Ok::<_, vk::Error>((bounds, planes))
         };
         let primitives = boxes.bounds.len() as u64;
-        let report = |bytes, build_ms| StructureReport { name: "boxes".into(), build_ms, bytes, primitives };
-        let milliseconds = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
         let mut reports = Vec::new();
-        let (arrays, traced) = if let Built::Software { .. } = *self.built {
+        let (arrays, traced) = if let Built::Software(_) = *self.built {
             let built = SoftwareBoxes::build(&boxes)?;
             let bytes = bytes + built.node_bytes().len() as u64;
             fits(bytes)?;
             let nodes = device.upload("boxes.nodes", built.node_bytes())?;
             let arrays = arrays(&built.boxes)?;
-            reports.push(report(bytes, milliseconds(start)));
+            reports.push(report("boxes", start, bytes as usize, primitives));
             (arrays, TracedBoxes::Software { nodes, stack_depth: built.stack_depth })
         } else {
             let arrays = arrays(&boxes)?;
-            reports.push(report(bytes, milliseconds(start)));
+            reports.push(report("boxes", start, bytes as usize, primitives));
             let (hardware, built) = HardwareBoxes::build(device, &boxes, geometry.ray_epsilon())?;
             reports.extend(built);
             (arrays, TracedBoxes::Hardware(hardware))
@@ -158,13 +238,16 @@ impl Structure {
 
     /// Fills in the addresses that kernels traverse.
     pub fn describe(&self, data: &mut SceneData) {
-        if let Built::Software { nodes, triangles, .. } = &*self.built {
-            data.bvh_nodes = nodes.address();
-            data.bvh_triangles = triangles.as_ref().map_or(0, vk::Buffer::address);
+        let address = |buffer: &Option<vk::Buffer>| buffer.as_ref().map_or(0, vk::Buffer::address);
+        if let Built::Software(Software { nodes, triangles, top, .. }) = &*self.built {
+            data.bvh_nodes = address(nodes);
+            data.bvh_triangles = address(triangles);
+            data.bvh_top = top.as_ref().map_or(0, |top| top.nodes.address());
+            data.bvh_placements = top.as_ref().map_or(0, |top| address(&top.placements));
         }
         let Some(boxes) = &self.boxes else { return };
-        data.boxes = boxes.bounds.as_ref().map_or(0, vk::Buffer::address);
-        data.box_planes = boxes.planes.as_ref().map_or(0, vk::Buffer::address);
+        data.boxes = address(&boxes.bounds);
+        data.box_planes = address(&boxes.planes);
         if let TracedBoxes::Software { nodes, .. } = &boxes.traced {
             data.box_nodes = nodes.address();
         }
@@ -175,7 +258,7 @@ impl Structure {
     pub fn top_level(&self) -> Option<&AccelerationStructure> {
         match &*self.built {
             Built::Hardware(hardware) => Some(&hardware.top),
-            Built::Software { .. } => None,
+            Built::Software(_) => None,
         }
     }
 
@@ -188,16 +271,19 @@ impl Structure {
         }
     }
 
-    /// What kernels must set `STACK_DEPTH` to.
+    /// What kernels must be specialised to.
     #[must_use]
-    pub fn stack_depth(&self) -> u32 {
+    pub fn traversal(&self) -> Traversal {
         let over_boxes = match self.boxes.as_ref().map(|boxes| &boxes.traced) {
             Some(TracedBoxes::Software { stack_depth, .. }) => *stack_depth,
             _ => 1,
         };
         match &*self.built {
-            Built::Hardware(_) => 1,
-            Built::Software { stack_depth, .. } => over_boxes.max(*stack_depth),
+            Built::Hardware(_) => Traversal { stack_depth: 1, two_levels: false },
+            Built::Software(software) => Traversal {
+                stack_depth: over_boxes.max(software.stack_depth),
+                two_levels: software.top.is_some(),
+            },
         }
     }
 

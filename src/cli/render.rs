@@ -57,8 +57,11 @@ pub(super) fn run(args: &Render) -> Result<(), Failure> {
     let job = Job { args, denoiser, reporter: Reporter::new(&args.machine), name: scene::name(&args.common) };
 
     let (scene, camera) = scene::load_with(&args.common, sequence.is_some(), &job.reporter)?;
-    let options =
-        RendererOptions { backend: args.machine.backend.into(), visibility: config.indirect.visibility };
+    let options = RendererOptions {
+        backend: args.machine.backend.into(),
+        visibility: config.indirect.visibility,
+        ..RendererOptions::default()
+    };
     if let Some(sequence) = sequence {
         return job.film(&sequence, &scene, config, wish, &files, &options);
     }
@@ -309,7 +312,8 @@ impl Job<'_> {
             progress: Some(watch.progress),
             ..FrameRequest::default()
         };
-        let frame = renderer.render(config, camera, &request)?;
+        let frame =
+            renderer.render(config, camera, &request).map_err(|error| scene::unbuilt(&args.common, error))?;
         let target =
             config.method.progressive.as_ref().map_or(0, |progressive| (progressive.samples)(config));
         let short = frame.samples.is_some_and(|n| n < target);

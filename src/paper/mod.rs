@@ -420,7 +420,8 @@ fn cost(config: &RenderConfig, repeat: u32) -> f64 {
 /// What a renderer for the experiment is made with: a backend that has every approach's visibility.
 #[must_use]
 pub fn renderer_options(backend: renderer::BackendChoice) -> RendererOptions {
-    RendererOptions { backend, visibility: crate::techniques::indirect::Visibility::Boxes }
+    let visibility = crate::techniques::indirect::Visibility::Boxes;
+    RendererOptions { backend, visibility, ..RendererOptions::default() }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::error::Error;
 use super::prepared::Prepared;
 use super::request::{BackendChoice, FrameRequest, RendererOptions};
 use super::submit::Renderer;
+use crate::accel::{Arrangement, Levels};
 use crate::config::RenderConfig;
 use crate::files;
 use crate::read;
@@ -45,7 +46,10 @@ impl Renderer {
                 (timing.fastest(), format!("{timing}, on this scene"))
             }
         };
-        Self::of(Arc::new(Prepared::new(device, scene, backend, reason, !software_only)?))
+        // Visibility by leaves' boxes needs whole triangles in the world.
+        let levels = if software_only { Levels::One } else { options.levels };
+        let arrangement = Arrangement { whole: software_only, levels };
+        Self::of(Arc::new(Prepared::new(device, scene, backend, reason, arrangement)?))
     }
 }
 

@@ -4,7 +4,7 @@ use super::drawing::{Drawing, Tickets, modelling};
 use super::error::Error;
 use super::growing::means_of;
 use super::window::Window;
-use crate::accel::software::MAX_STACK_DEPTH;
+use crate::accel::Traversal;
 use crate::config::RenderConfig;
 use crate::graph::{Graph, ImageDesc, Plan, Requirements};
 use crate::methods::Aov;
@@ -24,7 +24,8 @@ pub fn plan(
 ) -> Result<Plan, Error> {
     config.validate()?;
     config.method.check_layers(config, aovs)?;
-    let kernels = Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), MAX_STACK_DEPTH);
+    let kernels =
+        Kernels::new(&SceneProfile::of(scene, config.whitted.mirror_roughness), Traversal::default());
     let kernels = modelling(kernels, config, &[]);
     let window = Window::of(config);
     let mut info = window.frame(scene.area() as f32);

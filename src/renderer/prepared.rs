@@ -4,7 +4,7 @@
 use super::drawing::modelling;
 use super::error::Error;
 use crate::accel::boxes::BoxOptions;
-use crate::accel::{Geometry, Structure, StructureReport};
+use crate::accel::{Arrangement, Geometry, Structure, StructureReport};
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
 use crate::scene::{Feature, Light, Scene, SceneProfile};
@@ -29,8 +29,7 @@ pub struct Prepared {
     offset: DVec3,
     revision: u64,
     backend: Backend,
-    /// As for [`Structure::build`].
-    split: bool,
+    arrangement: Arrangement,
     reason: String,
     device: vk::Device,
 }
@@ -64,7 +63,7 @@ impl Clone for Prepared {
             offset: self.offset,
             revision: self.revision,
             backend: self.backend,
-            split: self.split,
+            arrangement: self.arrangement,
             reason: self.reason.clone(),
             device: self.device.clone(),
         }
@@ -73,7 +72,6 @@ impl Clone for Prepared {
 
 impl Prepared {
     /// Uploads a valid scene and builds the one structure that `backend` needs; `reason` says why that backend.
-    /// `split`: as for [`Structure::build`].
     ///
     /// # Errors
     /// Too much geometry for the device, or too little memory.
@@ -82,12 +80,12 @@ impl Prepared {
         scene: Scene,
         backend: Backend,
         reason: String,
-        split: bool,
+        arrangement: Arrangement,
     ) -> Result<Self, Error> {
         let near = scene.near_origin();
         let geometry = Geometry::of(&near)?;
         let gpu = GpuScene::upload(device, &near, &geometry)?;
-        let structure = Structure::build(device, backend, &geometry, split)?;
+        let structure = Structure::build(device, backend, &geometry, arrangement)?;
         Ok(Self {
             area: near.area() as f32,
             origin: near.origin,
@@ -97,7 +95,7 @@ impl Prepared {
             profiles: Mutex::default(),
             revision: next_revision(),
             backend,
-            split,
+            arrangement,
             reason,
             device: device.clone(),
         })
@@ -109,7 +107,7 @@ impl Prepared {
     /// An invalid scene, too much geometry for the device, or too little memory.
     pub(super) fn of_scene(&self, scene: Scene) -> Result<Self, Error> {
         scene.validate()?;
-        Self::new(&self.device, scene, self.backend, self.reason.clone(), self.split)
+        Self::new(&self.device, scene, self.backend, self.reason.clone(), self.arrangement)
     }
 
     /// The scene as it is now.
@@ -184,7 +182,7 @@ impl Prepared {
     /// The techniques' kernels, specialised to the scene.
     #[must_use]
     pub fn kernels(&self, mirror_roughness: f32) -> Kernels {
-        Kernels::new(&self.profile(mirror_roughness), self.resident.structure.stack_depth())
+        Kernels::new(&self.profile(mirror_roughness), self.resident.structure.traversal())
     }
 
     /// The specialization constants that describe the scene.
@@ -263,7 +261,7 @@ impl Prepared {
         if let Some(options) = boxes(config).filter(|options| !structure.has_boxes(options)) {
             structure.build_boxes(&self.device, &geometry, &options)?;
         }
-        let pipelines = structure.stack_depth() != self.resident.structure.stack_depth();
+        let pipelines = structure.traversal() != self.resident.structure.traversal();
         self.resident = Arc::new(Resident { structure, gpu: self.resident.gpu.clone() });
         Ok(Invalidated { pictures: false, pipelines, structures: true })
     }

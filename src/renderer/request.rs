@@ -1,6 +1,7 @@
 //! What is asked of a render.
 
 use super::frame::Frame;
+use crate::accel::Levels;
 use crate::denoise::Denoiser;
 use crate::layer::Layer;
 use crate::methods::Aov;
@@ -32,6 +33,8 @@ pub struct RendererOptions {
     /// The visibility that pictures will ask for: [`BackendChoice::Auto`] and [`BackendChoice::Measure`] take a
     /// backend that has it.
     pub visibility: Visibility,
+    /// Whether the software structure has a level for placements. The picture is the same.
+    pub levels: Levels,
 }
 
 /// What to bring back beside the picture, and how to report on the way.

@@ -12,6 +12,7 @@ pub mod tone_map;
 pub mod vpl_shoot;
 pub mod whitted;
 
+use crate::accel::Traversal;
 use crate::accel::software::MAX_STACK_DEPTH;
 use crate::gpu_scene::MOST_ASKED_LIGHTS;
 use crate::scene::{Feature, SceneProfile};
@@ -27,11 +28,11 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Specialises the kernels; `stack_depth` is what the software structure needs.
+    /// Specialises the kernels to a scene and the structure that rays are traced in.
     #[must_use]
-    pub fn new(profile: &SceneProfile, stack_depth: u32) -> Self {
+    pub fn new(profile: &SceneProfile, traversal: Traversal) -> Self {
         let lights = delta_lights(profile);
-        Self { profile: profile.clone(), lights, scene: Self::specialised(profile, stack_depth) }
+        Self { profile: profile.clone(), lights, scene: Self::specialised(profile, traversal) }
     }
 
     /// Models these, too: the picture stays the same. Comes before [`Self::with_indirect`].
@@ -40,10 +41,11 @@ impl Kernels {
         let profile = features.iter().fold(self.profile, |profile, &feature| profile.with(feature));
         let deep = features.contains(&Feature::DeepStructure);
         let stack_depth = if deep { MAX_STACK_DEPTH } else { self.scene.stack_depth };
-        Self { scene: Self::specialised(&profile, stack_depth), profile, ..self }
+        let traversal = Traversal { stack_depth, two_levels: self.scene.two_levels };
+        Self { scene: Self::specialised(&profile, traversal), profile, ..self }
     }
 
-    fn specialised(profile: &SceneProfile, stack_depth: u32) -> SceneSpec {
+    fn specialised(profile: &SceneProfile, traversal: Traversal) -> SceneSpec {
         SceneSpec {
             alpha_mask: profile.alpha_mask,
             instanced: profile.instanced,
@@ -71,7 +73,8 @@ impl Kernels {
             emissive_triangles: profile.emission,
             environment: profile.environment,
             light_tree: profile.emission || delta_lights(profile) > MOST_ASKED_LIGHTS,
-            stack_depth,
+            stack_depth: traversal.stack_depth,
+            two_levels: traversal.two_levels,
             // Lobes are what a technique asks for.
             glossy: false,
             ..SceneSpec::default()
@@ -178,7 +181,9 @@ mod tests {
     /// A constant that no feature turns on would be left out of the general pipeline.
     #[test]
     fn all_features_together_turn_every_constant_on() {
-        let nothing = Kernels::new(&SceneProfile::default(), 1);
+        // How many levels there are is no feature: either kernel reads its own structure alone.
+        let structure = Traversal { stack_depth: 1, two_levels: true };
+        let nothing = Kernels::new(&SceneProfile::default(), structure);
         let everything = nothing.clone().modelling(Feature::ALL).with_indirect(&IndirectConfig::default());
         let text = format!("{:?}", everything.scene);
         assert!(text.contains("true") && !text.contains("false"), "{text}");

@@ -36,7 +36,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "large",
-        mechanism: "A room 20 km wide: products of lengths must not overflow.",
+        mechanism: "A room 33 km wide: products of lengths must not overflow.",
         number: AS_IN_THE_ROOM,
         limit: 1e-6,
         settings: &["path_trace.spp=16"],

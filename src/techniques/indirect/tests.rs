@@ -1,7 +1,7 @@
 //! The filters by themselves, on synthetic surfaces and samples.
 
 use super::*;
-use crate::accel::{Geometry as World, Structure};
+use crate::accel::{Arrangement, Geometry as World, Structure};
 use crate::common;
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
@@ -584,7 +584,7 @@ fn many_submits_are_one_frame() {
     let scene = builtin::by_name("cornell").unwrap();
     let world = World::of(&scene).unwrap();
     let gpu = GpuScene::upload(&device, &scene, &world).unwrap();
-    let structure = Structure::build(&device, Backend::Software, &world, true).unwrap();
+    let structure = Structure::build(&device, Backend::Software, &world, Arrangement::default()).unwrap();
     let camera = &scene.cameras[0];
     let View::Perspective { yfov } = camera.view else { panic!("cornell has a perspective camera") };
     let (half, axes) = ((0.5 * yfov).tan(), camera.transform.matrix3);
@@ -608,7 +608,7 @@ fn many_submits_are_one_frame() {
     let uniform = device.upload("scene", bytemuck::bytes_of(&data)).unwrap();
     let set =
         std::sync::Arc::new(device.scene_set(Backend::Software, uniform, structure.top_level()).unwrap());
-    let kernels = Kernels::new(&SceneProfile::of(&scene, 0.1), structure.stack_depth());
+    let kernels = Kernels::new(&SceneProfile::of(&scene, 0.1), structure.traversal());
     let frame = FrameInfo {
         origin: [0, 0],
         extent: size,
