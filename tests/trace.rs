@@ -501,8 +501,7 @@ fn placements(odd: bool) -> Geometry {
         Affine3A::from_scale(Vec3::splat(1e-4)),
         Affine3A::from_translation(vec3(0.0, 0.0, 4.0)),
     ];
-    let flat =
-        [vec3(1.0, 0.0, 1.0), vec3(1.0, 1e-20, 1.0), Vec3::ZERO].map(|scale| Affine3A::from_scale(scale));
+    let flat = [vec3(1.0, 0.0, 1.0), vec3(1.0, 1e-20, 1.0), Vec3::ZERO].map(Affine3A::from_scale);
     let transforms = transforms.iter().chain(flat.iter().filter(|_| odd));
     let holes = Mesh { materials: vec![odd.into(); 440], ..closed(12, 20, 0.2) };
     let meshes =

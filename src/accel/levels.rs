@@ -7,7 +7,7 @@ use super::software::{
     HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, check_count, leaf_triangle, pre_split, triangle_box, wide_tree,
 };
 use super::{Error, Geometry, MeshRange, Placed, WorldTriangle, world_position};
-use glam::{Affine3A, DMat3, Mat3, Vec3A};
+use glam::{Affine3A, Mat3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::node::CwBvhNode;
 use std::collections::HashSet;
@@ -206,7 +206,7 @@ impl Meshes {
 /// World to object, where what 32 bits make of it is a number of a size that products of lengths can bear.
 fn inverse(transform: &Affine3A) -> Option<Mat3> {
     const MOST: f32 = 1e15;
-    let inverse = DMat3::from(Mat3::from(transform.matrix3).as_dmat3()).inverse().as_mat3();
+    let inverse = Mat3::from(transform.matrix3).as_dmat3().inverse().as_mat3();
     let bearable = |m: &Mat3| m.to_cols_array().iter().all(|x| x.abs() < MOST);
     (bearable(&inverse) && bearable(&transform.matrix3.into())).then_some(inverse)
 }
