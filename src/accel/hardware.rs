@@ -2,7 +2,7 @@
 //! `glsl/trace/ray_query.glsl` reads the ids back.
 
 use super::boxes::{Bounds, Boxes};
-use super::{Error, Geometry, MeshRange, StructureReport};
+use super::{Error, Geometry, MeshRange, StructureReport, upload};
 use crate::vk::accel::{BuildReport, Input, Instance, Triangles};
 use crate::vk::{self, AccelerationStructure};
 use ash::vk::GeometryInstanceFlagsKHR;
@@ -26,11 +26,8 @@ impl Hardware {
             let what = "opaque triangles in a mesh with alpha-masked ones";
             super::at_most(what, range.masked_from.into(), RECORD_OFFSET_LIMIT)?;
         }
-        let upload = |name: &str, bytes: &[u8]| {
-            if bytes.is_empty() { Ok(None) } else { device.upload(name, bytes).map(Some) }
-        };
-        let vertices = upload("blas.positions", bytemuck::cast_slice(&geometry.positions))?;
-        let indices = upload("blas.triangles", bytemuck::cast_slice(&geometry.triangles))?;
+        let vertices = upload(device, "blas.positions", bytemuck::cast_slice(&geometry.positions))?;
+        let indices = upload(device, "blas.triangles", bytemuck::cast_slice(&geometry.triangles))?;
         let address = |buffer: &Option<vk::Buffer>| buffer.as_ref().map_or(0, vk::Buffer::address);
         let part = |first: u32, triangle_count: u32, opaque: bool| Triangles {
             vertices: address(&vertices),

@@ -3,9 +3,7 @@
 //! A mesh is held once however often it is placed, 112 bytes a placement. Kernels test triangles in the world, rounded as
 //! where all lie in one level, so hits are the same bit for bit; only boxes are met in object space.
 
-use super::software::{
-    HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, check_count, leaf_triangle, pre_split, triangle_box, wide_tree,
-};
+use super::software::{HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, SoftwareBvh, check_count, wide_tree};
 use super::{Error, Geometry, MeshRange, Placed, WorldTriangle, world_position};
 use glam::{Affine3A, Mat3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -50,7 +48,7 @@ pub struct Top {
     /// Placements in leaf order.
     pub placements: Vec<Placement>,
     /// Levels of nodes.
-    pub depth: u32,
+    depth: u32,
 }
 
 /// An instance of [`Geometry`], and where in the lower level its triangles are.
@@ -75,7 +73,7 @@ pub struct Meshes {
     /// In leaf order.
     pub triangles: Vec<LeafTriangle>,
     /// Most levels of nodes.
-    pub depth: u32,
+    depth: u32,
     instances: Vec<Lower>,
 }
 
@@ -100,15 +98,15 @@ impl Meshes {
         let mut meshes = Self::default();
         let mut shared = vec![None; geometry.meshes.len()];
         let corners: Vec<Vec<u32>> = geometry.meshes.iter().map(|range| corners(geometry, range)).collect();
-        for (placed, index) in geometry.instances.iter().zip(0_u32..) {
+        for placed in &geometry.instances {
             let range = geometry.meshes[placed.mesh as usize];
-            // Instance 0 is in the world already; what has no inverse is brought there.
-            let inverse = inverse(&placed.transform).filter(|_| index > 0);
+            // What has no inverse is brought to the world.
+            let inverse = inverse(&placed.transform);
             let known = shared[placed.mesh as usize].filter(|_| inverse.is_some());
             let (root, solid) = match known {
                 Some(known) => known,
                 None => {
-                    let transform = (index > 0 && inverse.is_none()).then_some(&placed.transform);
+                    let transform = inverse.is_none().then_some(&placed.transform);
                     meshes.append(geometry, range, transform, split)?
                 }
             };
@@ -187,18 +185,15 @@ impl Meshes {
         if triangles.is_empty() {
             return Ok((None, solid));
         }
-        let mut boxes: Vec<Aabb> = triangles.iter().map(triangle_box).collect();
-        let of = if split { pre_split(&triangles, &mut boxes) } else { (0..boxes.len() as u32).collect() };
-        let (tree, depth) = wide_tree(&boxes, MESH_DEPTH)?;
+        let bvh = SoftwareBvh::over(&triangles, split, MESH_DEPTH)?;
         let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
-        self.nodes.extend(tree.nodes.into_iter().map(|node| CwBvhNode {
+        self.nodes.extend(bvh.nodes.into_iter().map(|node| CwBvhNode {
             child_base_idx: node.child_base_idx + first_node,
             primitive_base_idx: node.primitive_base_idx + first_triangle,
             ..node
         }));
-        let leaf = |&piece: &u32| leaf_triangle(&triangles[of[piece as usize] as usize]);
-        self.triangles.extend(tree.primitive_indices.iter().map(leaf));
-        self.depth = self.depth.max(depth);
+        self.triangles.extend(bvh.triangles);
+        self.depth = self.depth.max(bvh.stack_depth);
         Ok((Some(first_node), solid))
     }
 }
@@ -241,10 +236,9 @@ fn corners(geometry: &Geometry, range: &MeshRange) -> Vec<u32> {
 
 /// The box around a placement's triangles in the world.
 fn world_bounds(geometry: &Geometry, placed: &Placed, corners: &[u32]) -> Aabb {
-    let merged = placed.instance == u32::MAX;
     corners.iter().fold(Aabb::INVALID, |bounds, &corner| {
-        let point = geometry.positions[corner as usize];
-        let point = Vec3A::from(if merged { point } else { world_position(&placed.transform, point) });
+        let point = world_position(&placed.transform, geometry.positions[corner as usize]);
+        let point = Vec3A::from(point);
         bounds.union(&Aabb::new(point, point))
     })
 }

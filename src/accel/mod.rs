@@ -177,6 +177,11 @@ fn room(what: &'static str, count: u64, bytes: u64) -> Result<(), Error> {
     taken.map_err(|shortage| Error::NoRoom { what, count, shortage })
 }
 
+/// Absent where there is nothing to upload.
+fn upload(device: &vk::Device, name: &str, bytes: &[u8]) -> Result<Option<vk::Buffer>, vk::Error> {
+    if bytes.is_empty() { Ok(None) } else { device.upload(name, bytes).map(Some) }
+}
+
 /// The world position of `point` under a placement: the one place that decides how it is rounded.
 #[must_use]
 pub fn world_position(transform: &Affine3A, point: Vec3) -> Vec3 {

@@ -94,13 +94,19 @@ impl SoftwareBvh {
         // A placement can flatten triangles that had area.
         let triangles: Vec<WorldTriangle> =
             geometry.world_triangles().filter(|triangle| super::has_area(triangle.vertices)).collect();
-        let mut boxes: Vec<Aabb> = triangles.iter().map(triangle_box).collect();
-        let of = if split { pre_split(&triangles, &mut boxes) } else { (0..boxes.len() as u32).collect() };
-        let (tree, stack_depth) = wide_tree(&boxes, MAX_STACK_DEPTH)?;
-        let triangle = |piece: &u32| leaf_triangle(&triangles[of[*piece as usize] as usize]);
-        let triangles = tree.primitive_indices.iter().map(triangle);
-        let bvh = Self { triangles: triangles.collect(), nodes: tree.nodes, stack_depth };
+        let bvh = Self::over(&triangles, split, MAX_STACK_DEPTH)?;
         if bvh.bytes() > available_bytes { Err(too_large(bvh.bytes())) } else { Ok(bvh) }
+    }
+
+    /// The same over these triangles, whatever they take.
+    pub(super) fn over(triangles: &[WorldTriangle], split: bool, most_levels: u32) -> Result<Self, Error> {
+        let bounds = |triangle: &WorldTriangle| Aabb::from_points(&triangle.vertices.map(Vec3A::from));
+        let mut boxes: Vec<Aabb> = triangles.iter().map(bounds).collect();
+        let of = if split { pre_split(triangles, &mut boxes) } else { (0..boxes.len() as u32).collect() };
+        let (tree, stack_depth) = wide_tree(&boxes, most_levels)?;
+        let triangle = |piece: &u32| leaf_triangle(&triangles[of[*piece as usize] as usize]);
+        let triangles = tree.primitive_indices.iter().map(triangle).collect();
+        Ok(Self { triangles, nodes: tree.nodes, stack_depth })
     }
 
     /// Device memory it takes.
@@ -164,10 +170,6 @@ pub(super) fn check_count(triangles: u64) -> Result<(), Error> {
     super::at_most("triangles with all instances counted", triangles, MAX_TRIANGLES)
 }
 
-pub(super) fn triangle_box(triangle: &WorldTriangle) -> Aabb {
-    Aabb::from_points(&triangle.vertices.map(Vec3A::from))
-}
-
 /// The eight-wide tree over boxes, and its levels of nodes: more than `most_levels` only where halving by count makes more.
 pub(super) fn wide_tree(boxes: &[Aabb], most_levels: u32) -> Result<(CwBvh, u32), Error> {
     let mut tree = collapse(&binary_tree(boxes, SAH_DEPTH, REINSERTIONS));
@@ -186,7 +188,7 @@ pub(super) fn wide_tree(boxes: &[Aabb], most_levels: u32) -> Result<(CwBvh, u32)
 /// have less than 1/1.5 of it (1/1.4 below twice the average), so there are never more than five times as many. On an
 /// H100 this takes 15 % off scattered rays in the Conference room, which gets 17 % more boxes; splitting more, or
 /// only the largest, gains less.
-pub(super) fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
+fn pre_split(triangles: &[WorldTriangle], boxes: &mut Vec<Aabb>) -> Vec<u32> {
     let mut of: Vec<u32> = (0..boxes.len() as u32).collect();
     let areas = || boxes.iter().map(Aabb::half_area);
     let largest = areas().fold(0.0, f32::max);
@@ -206,7 +208,7 @@ fn blocks_bits(blocks: Blocks) -> u32 {
     bit(blocks.masked, MASKED) | bit(blocks.sheer, SHEER) | bit(blocks.pane, PANE)
 }
 
-pub(super) fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
+fn leaf_triangle(triangle: &WorldTriangle) -> LeafTriangle {
     let [a, b, c] = triangle.vertices.map(|vertex| vertex.to_array());
     LeafTriangle {
         a,

@@ -4,6 +4,7 @@ use super::{
     Error, Geometry, StructureReport,
     levels::{self, Meshes},
     software::{MAX_STACK_DEPTH, SoftwareBoxes, SoftwareBvh},
+    upload,
 };
 use crate::shaders::SceneData;
 use crate::vk::{self, AccelerationStructure, Backend};
@@ -73,10 +74,7 @@ impl Software {
         if levels == Levels::Two || levels == Levels::ByMemory && levels::worthwhile(geometry) {
             let meshes = Meshes::build(geometry, !whole)?;
             let bytes = size_of_val(&meshes.nodes[..]) + size_of_val(&meshes.triangles[..]);
-            let (triangles, available) = (geometry.world_triangle_count(), device.info().memory_bytes);
-            if bytes as u64 > available {
-                return Err(Error::TooLarge { triangles, bytes: bytes as u64, available });
-            }
+            fits(device, geometry, bytes as u64)?;
             let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?;
             let triangles = upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?;
             let lower = report(Backend::Software.name(), start, bytes, geometry.triangles.len() as u64);
@@ -101,8 +99,10 @@ impl Software {
     }
 }
 
-fn upload(device: &vk::Device, name: &str, bytes: &[u8]) -> Result<Option<vk::Buffer>, vk::Error> {
-    if bytes.is_empty() { Ok(None) } else { device.upload(name, bytes).map(Some) }
+/// Refuses what takes more than the device has.
+fn fits(device: &vk::Device, geometry: &Geometry, bytes: u64) -> Result<(), Error> {
+    let (triangles, available) = (geometry.world_triangle_count(), device.info().memory_bytes);
+    if bytes > available { Err(Error::TooLarge { triangles, bytes, available }) } else { Ok(()) }
 }
 
 fn report(name: &str, start: Instant, bytes: usize, primitives: u64) -> StructureReport {
@@ -202,11 +202,7 @@ impl Structure {
         let start = Instant::now();
         let boxes = Boxes::of(geometry, options)?;
         let bytes = (size_of_val(&boxes.bounds[..]) + size_of_val(&boxes.planes[..])) as u64;
-        let fits = |bytes| {
-            let (triangles, available) = (geometry.world_triangle_count(), device.info().memory_bytes);
-            if bytes > available { Err(Error::TooLarge { triangles, bytes, available }) } else { Ok(()) }
-        };
-        fits(bytes)?;
+        fits(device, geometry, bytes)?;
         let arrays = |boxes: &Boxes| {
             let bounds = upload(device, "boxes.bounds", bytemuck::cast_slice(&boxes.bounds))?;
             let planes = upload(device, "boxes.planes", bytemuck::cast_slice(&boxes.planes))?;
@@ -217,7 +213,7 @@ impl Structure {
         let (arrays, traced) = if let Built::Software(_) = *self.built {
             let built = SoftwareBoxes::build(&boxes)?;
             let bytes = bytes + built.node_bytes().len() as u64;
-            fits(bytes)?;
+            fits(device, geometry, bytes)?;
             let nodes = device.upload("boxes.nodes", built.node_bytes())?;
             let arrays = arrays(&built.boxes)?;
             reports.push(report("boxes", start, bytes as usize, primitives));
