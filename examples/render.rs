@@ -27,12 +27,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         direction: Vec3::NEG_Y,
         intensity: Vec3::splat(10.0),
     };
-    let mesh = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
+    let mesh = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY, moves: false };
     let scene = Scene {
         name: "room".into(),
         meshes: vec![
-            cuboid(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 2.5, 3.0), 0),
-            cuboid(Vec3::new(-0.5, 0.001, -1.0), Vec3::new(0.5, 1.0, 0.0), 1),
+            cuboid(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 2.5, 3.0), 0).into(),
+            cuboid(Vec3::new(-0.5, 0.001, -1.0), Vec3::new(0.5, 1.0, 0.0), 1).into(),
         ],
         instances: vec![mesh(0), mesh(1)],
         materials: vec![

@@ -635,7 +635,7 @@ fn scattering_stays_finite_at_the_edges() {
 // ---- surfaces ----
 
 fn instance(mesh: u32, transform: Affine3A) -> Instance {
-    Instance { name: String::new(), mesh, transform }
+    Instance { name: String::new(), mesh, transform, moves: false }
 }
 
 fn renderer(device: &Device, scene: Scene) -> Renderer {
@@ -712,10 +712,10 @@ fn textures_multiply_their_factors() {
         ..Material::default()
     };
     let scene = Scene {
-        meshes: vec![square()],
+        meshes: vec![square().into()],
         instances: vec![instance(0, Affine3A::IDENTITY)],
         materials: vec![material],
-        images: vec![image(1, 1, &[texel])],
+        images: vec![image(1, 1, &[texel]).into()],
         ..Scene::default()
     };
     let mut renderer = renderer(&device, scene);
@@ -770,10 +770,12 @@ fn normal_maps_follow_their_instances() {
                 instances.push(instance(0, again));
             }
             let scene = Scene {
-                meshes: vec![mesh.clone()],
+                meshes: vec![mesh.clone().into()],
                 instances,
                 materials: vec![material.clone()],
-                images: vec![image(1, 1, &[[179, 102, 204, 255]]), image(1, 1, &[[77, 128, 204, 255]])],
+                images: [[179, 102, 204, 255], [77, 128, 204, 255]]
+                    .map(|texel| image(1, 1, &[texel]).into())
+                    .to_vec(),
                 ..Scene::default()
             };
             let placed = Geometry::of(&scene).unwrap().instances.len() - 1;
@@ -882,6 +884,7 @@ fn lamps(widths: &[f32], materials: Vec<Material>) -> Scene {
         })
         .collect();
     let instances = (0..meshes.len() as u32).map(|i| instance(i, Affine3A::IDENTITY)).collect();
+    let meshes = meshes.into_iter().map(Arc::new).collect();
     Scene { meshes, instances, materials, ..Scene::default() }
 }
 
@@ -896,7 +899,7 @@ fn emitters_are_sampled_by_power_and_area() {
     let mut striped = lamp(Vec3::splat(4.0));
     striped.emission_texture = Some(texture(0));
     let mut scene = lamps(&[1.0, 0.5, 1.0], vec![dull, lamp(Vec3::splat(8.0)), striped]);
-    scene.images = vec![image(2, 1, &[[0, 0, 0, 255], [255; 4]])];
+    scene.images = vec![image(2, 1, &[[0, 0, 0, 255], [255; 4]]).into()];
     let powers = [6.0, 2.0 * 24.0 * 0.5, 2.0 * 12.0 * 0.5];
     let total: f64 = powers.iter().sum();
     let mut renderer = renderer(&device, scene);
@@ -1006,7 +1009,7 @@ fn environments_are_sampled_by_luminance() {
     let environment = Environment { name: "noise".into(), width, height, texels };
     let twin = environment.clone();
     let mut scene = lamps(&[0.001], vec![Material::default()]);
-    scene.environment = Some(environment);
+    scene.environment = Some(environment.into());
     let mut renderer = renderer(&device, scene);
     const N: u32 = 1 << 16;
     let cell = |d: Vec3| {
@@ -1070,7 +1073,7 @@ fn a_constant_environment_is_left_to_lobes() {
     let shining = Material { emission: Vec3::ONE, ..Material::default() };
     for (material, shines) in [(shining, true), (Material::default(), false)] {
         let mut scene = lamps(&[1.0], vec![material]);
-        scene.environment = Some(Environment::constant(Vec3::new(1.0, 2.0, 3.0)));
+        scene.environment = Some(Environment::constant(Vec3::new(1.0, 2.0, 3.0)).into());
         let mut renderer = renderer(&device, scene);
         let found = |answers: &[LightAnswer]| answers.iter().filter(|a| a.flags == 1).count();
         let all = light_answers(&mut renderer, Vec3::ZERO, 1 << 12);
@@ -1127,14 +1130,14 @@ fn the_mean_of_light_samples_is_irradiance() {
     shining.double_sided = false;
     let e_sphere = PI * 2.0 / 9.0;
     let base = Scene {
-        meshes: vec![sphere],
+        meshes: vec![sphere.into()],
         instances: vec![instance(0, Affine3A::IDENTITY)],
         materials: vec![Material::diffuse("dark", Vec3::ONE)],
         ..Scene::default()
     };
     let with = |lights: &[&Light], sky: bool, sphere: bool| Scene {
         lights: lights.iter().map(|&l| l.clone()).collect(),
-        environment: sky.then(|| Environment::constant(Vec3::splat(0.5))),
+        environment: sky.then(|| Environment::constant(Vec3::splat(0.5)).into()),
         materials: vec![if sphere { shining.clone() } else { base.materials[0].clone() }],
         ..base.clone()
     };

@@ -15,6 +15,7 @@ use parhelion::scene::{
 };
 use parhelion::techniques::path_trace::Estimator;
 use parhelion::vk::{Backend, Device};
+use std::sync::Arc;
 
 // ---- scenes ----
 
@@ -30,7 +31,7 @@ fn room(things: Vec<Mesh>, materials: Vec<Material>) -> (Scene, Camera) {
         quad(Vec3::new(1.0, 0.0, -1.0), Vec3::Z * 3.0, Vec3::Y * 2.0, 1),
     ];
     meshes.extend(things);
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
+    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY, moves: false };
     let lamp = Light {
         name: "lamp".into(),
         kind: LightKind::Point,
@@ -41,7 +42,7 @@ fn room(things: Vec<Mesh>, materials: Vec<Material>) -> (Scene, Camera) {
     let scene = Scene {
         name: "room".into(),
         instances: (0..meshes.len() as u32).map(instance).collect(),
-        meshes,
+        meshes: meshes.into_iter().map(Arc::new).collect(),
         materials: [wall, red].into_iter().chain(materials).collect(),
         lights: vec![lamp],
         ..Scene::default()
@@ -119,7 +120,7 @@ fn textured() -> (Scene, Camera) {
     };
     let (mut scene, camera) =
         room(vec![uv(slab(-0.5, 2)), uv(slab(0.4, 3)), uv(slab(-0.05, 4))], vec![printed, unlit, pane]);
-    scene.images = vec![image];
+    scene.images = vec![image.into()];
     (scene, camera)
 }
 
@@ -137,10 +138,10 @@ fn lamps_and_leaves() -> (Scene, Camera) {
     let lamp_quad = quad(Vec3::new(-0.3, 1.99, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 2);
     let (mut scene, camera) = room(vec![lamp_quad, leaves, slab(0.2, 0)], vec![lamp, leaf]);
     let transform = Affine3A::from_translation(Vec3::new(0.5, 0.0, -0.4));
-    scene.instances.push(Instance { name: "again".into(), mesh: 7, transform });
-    scene.images = vec![image];
+    scene.instances.push(Instance { name: "again".into(), mesh: 7, transform, moves: false });
+    scene.images = vec![image.into()];
     scene.lights.clear();
-    scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)));
+    scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)).into());
     (scene, camera)
 }
 

@@ -86,10 +86,10 @@ fn environments_load_or_say_why_not() {
 #[test]
 fn scenes_have_only_light_that_can_be() {
     let mut scene = scene(vec![quad(Vec3::ZERO, Vec3::X, Vec3::Y, 0)], vec![gray(0.5)]);
-    scene.environment = Some(Environment::constant(Vec3::ONE));
+    scene.environment = Some(Environment::constant(Vec3::ONE).into());
     assert!(scene.validate().is_ok() && SceneProfile::of(&scene, 0.1).environment);
     for radiance in [-1.0, f32::NAN, 3e38] {
-        scene.environment = Some(Environment::constant(Vec3::splat(radiance)));
+        scene.environment = Some(Environment::constant(Vec3::splat(radiance)).into());
         assert_eq!(scene.validate().unwrap_err().element, "environment", "{radiance}");
     }
 }

@@ -22,6 +22,7 @@ use parhelion::vk::{Backend, Device};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::path::Path;
+use std::sync::Arc;
 
 const REPLICATES: u32 = 64;
 const SAMPLES: u32 = 256;
@@ -322,7 +323,7 @@ fn scene(case: &Case) -> Scene {
         materials
             .push(Material { emission: Vec3::splat(*radiance), ..Material::diffuse("lamp", Vec3::ZERO) });
     }
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
+    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY, moves: false };
     let instances = (0..meshes.len() as u32).map(instance).collect();
     // A strong light that has no size is chosen by the one table, not by the other.
     let bulb = Light {
@@ -335,11 +336,11 @@ fn scene(case: &Case) -> Scene {
     let environment = Some(case.sky.clone());
     Scene {
         name: "row".into(),
-        meshes,
+        meshes: meshes.into_iter().map(Arc::new).collect(),
         instances,
         materials,
         lights: vec![bulb],
-        environment,
+        environment: environment.map(Arc::new),
         ..Scene::default()
     }
 }

@@ -104,7 +104,7 @@ fn a_frame_is_the_same_alone() {
 
     let base = scene::load(&folder.path("walk.glb"), &LoadOptions { motion: true, ..LoadOptions::default() });
     let mut base = base.unwrap();
-    base.environment = Some(Environment::constant(Vec3::ONE));
+    base.environment = Some(Environment::constant(Vec3::ONE).into());
     let pose = base.pose(&[0], 3.0 / 8.0).unwrap();
     let mut config = parhelion::config::RenderConfig { size: [16, 12], ..Default::default() };
     config.apply_preset("fast").unwrap();

@@ -17,6 +17,7 @@ use parhelion::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene
 use parhelion::shaders::Vpl;
 use parhelion::techniques::indirect::{Filter, IndirectConfig, Pattern, Upsample, Visibility};
 use parhelion::vk::{Backend, Device};
+use std::sync::Arc;
 
 const FILTERS: [Filter; 2] = [Filter::Paper, Filter::Combined];
 const UPSAMPLES: [Upsample; 2] = [Upsample::Paper, Upsample::Plane];
@@ -36,8 +37,9 @@ fn point_light(position: Vec3, intensity: f32) -> Light {
 
 fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, lights: Vec<Light>) -> Scene {
     let instances = (0..meshes.len() as u32)
-        .map(|mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY })
+        .map(|mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY, moves: false })
         .collect();
+    let meshes = meshes.into_iter().map(Arc::new).collect();
     Scene { name: "test".into(), meshes, instances, materials, lights, ..Scene::default() }
 }
 

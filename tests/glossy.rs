@@ -19,6 +19,7 @@ use parhelion::scene::{
 use parhelion::techniques::path_trace::{PixelFilter, Transport};
 use parhelion::vk::{Backend, Device};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 // ---- scenes ----
 
@@ -38,7 +39,7 @@ fn point_light(position: Vec3, intensity: Vec3) -> Light {
 
 /// A sphere of radius 1 about the origin, its faces flat and seen from inside.
 fn sphere(material: Material) -> Scene {
-    let mesh = builtin::sphere(3, Vec3::ONE).meshes.swap_remove(0);
+    let mesh = Mesh::clone(&builtin::sphere(3, Vec3::ONE).meshes[0]);
     scene(vec![Mesh { materials: vec![0; mesh.triangles.len()], ..mesh }], vec![material])
 }
 
@@ -163,7 +164,7 @@ fn a_plane_under_a_constant_sky() {
     let plane = quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0);
     let mut scene = scene(vec![plane], vec![gray(0.4)]);
     let sky = Vec3::new(1.0, 2.0, 4.0);
-    scene.environment = Some(Environment::constant(sky));
+    scene.environment = Some(Environment::constant(sky).into());
     let mut renderer = software(&device, scene);
     let mut config = config(16, 16);
     for (samples, tolerance) in [(16, 0.01), (600, 1e-3)] {
@@ -185,7 +186,7 @@ fn a_plane_under_a_constant_sky() {
 fn white_plates_vanish_in_a_furnace() {
     let Some((_guard, device)) = common::device() else { return };
     let mut scene = plates(gray(1.0), gray(1.0));
-    scene.environment = Some(Environment::constant(Vec3::ONE));
+    scene.environment = Some(Environment::constant(Vec3::ONE).into());
     let camera = Camera::look_at("floor", Vec3::new(0.0, 0.7, 1.5), Vec3::ZERO, 0.2);
     let mut config = shooting(16, 4096, 5, 0.0);
     config.whitted.light_samples = 256;
@@ -217,7 +218,7 @@ fn mirrors_and_clear_coats_show_the_environment() {
     for (what, material, share) in [("mirror", mirror, 1.0), ("coat", coated, 0.5)] {
         let square = quad(Vec3::new(-9.0, -9.0, 0.0), Vec3::X * 18.0, Vec3::Y * 18.0, 0);
         let mut scene = scene(vec![square], vec![material]);
-        scene.environment = Some(sky.clone());
+        scene.environment = Some(sky.clone().into());
         let mut renderer = software(&device, scene);
         for degrees in [10.0f32, 60.0, 80.0] {
             let (sin, cos) = degrees.to_radians().sin_cos();
@@ -270,7 +271,7 @@ fn rough_metal_under_a_constant_sky_shows_its_albedo() {
         |roughness| Material { base_color: Vec4::ONE, metallic: 1.0, roughness, ..Material::default() };
     for roughness in [0.11, 0.35, 0.5] {
         let mut scene = scene(meshes.clone(), vec![white(roughness), white(0.0)]);
-        scene.environment = Some(Environment::constant(Vec3::ONE));
+        scene.environment = Some(Environment::constant(Vec3::ONE).into());
         let mut renderer = software(&device, scene);
         for mu in [1.0_f32, 0.5_f32.sqrt(), 0.3] {
             let expected = ggx_albedo(mu.into(), roughness.into());
@@ -348,10 +349,15 @@ fn direct_light_on_glossy_surfaces_is_the_path_tracers() {
                 (Vec3::new(-1.2, 0.6, -0.8), Vec3::Z * 0.5, Vec3::X * 0.5, 5),
             ] {
                 let mesh = scene.meshes.len() as u32;
-                scene.meshes.push(quad(origin, side, up, material));
-                scene.instances.push(Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY });
+                scene.meshes.push(quad(origin, side, up, material).into());
+                scene.instances.push(Instance {
+                    name: String::new(),
+                    mesh,
+                    transform: Affine3A::IDENTITY,
+                    moves: false,
+                });
             }
-            scene.environment = sky.cloned();
+            scene.environment = sky.cloned().map(Arc::new);
             let sky = sky.map_or("no sky", |sky| &sky.name);
             let mut renderer = software(&device, scene);
             let mut config = config(12, 12);
@@ -397,10 +403,15 @@ fn one_bounce_of_a_sky_is_the_path_tracers() {
     let mut scene = plates(gray(0.8), gray(0.5));
     let texels =
         (0..32).map(|i| if i == 11 { Vec3::new(30.0, 20.0, 10.0) } else { Vec3::splat(0.3) }).collect();
-    scene.environment = Some(Environment { name: "sky".into(), width: 8, height: 4, texels });
+    scene.environment = Some(Environment { name: "sky".into(), width: 8, height: 4, texels }.into());
     scene.materials.push(Material { double_sided: true, ..lamp(0.2, Vec3::new(1.0, 2.0, 3.0)) });
-    scene.meshes.push(quad(Vec3::new(0.6, 0.2, -0.3), Vec3::Z * 0.6, Vec3::Y * 0.6, 2));
-    scene.instances.push(Instance { name: String::new(), mesh: 2, transform: Affine3A::IDENTITY });
+    scene.meshes.push(quad(Vec3::new(0.6, 0.2, -0.3), Vec3::Z * 0.6, Vec3::Y * 0.6, 2).into());
+    scene.instances.push(Instance {
+        name: String::new(),
+        mesh: 2,
+        transform: Affine3A::IDENTITY,
+        moves: false,
+    });
     let camera = Camera::look_at("floor", Vec3::new(0.0, 0.7, 1.5), Vec3::ZERO, 0.2);
     let mut renderer = software(&device, scene);
     let mut indirect = vec![0.0; 3 * 16 * 16];
@@ -508,12 +519,17 @@ fn everything() -> (Scene, Camera) {
     ];
     for mesh in meshes {
         let index = scene.meshes.len() as u32;
-        scene.meshes.push(mesh);
-        scene.instances.push(Instance { name: String::new(), mesh: index, transform: Affine3A::IDENTITY });
+        scene.meshes.push(mesh.into());
+        scene.instances.push(Instance {
+            name: String::new(),
+            mesh: index,
+            transform: Affine3A::IDENTITY,
+            moves: false,
+        });
     }
     let mirror = Material { roughness: 0.0, ..gold(0.0) };
     scene.materials.extend([mirror, coated(0.0), coated(0.4)]);
-    scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)));
+    scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)).into());
     (scene, Camera::look_at("all", Vec3::new(0.3, 1.6, 2.6), Vec3::new(-0.2, 0.2, -0.4), 0.7))
 }
 

@@ -17,6 +17,7 @@ use serde_json::{Value, json};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Corners of all triangles in the world, each beginning with its smallest, sorted.
 fn canonical(scene: &Scene) -> Vec<[Vec3; 3]> {
@@ -893,7 +894,7 @@ fn one_joint_is_an_instance() {
         let skin = asset.load().unwrap();
         let mirrored = scale[0] < 0.0;
         let mut expected = instance.clone();
-        for triangle in expected.meshes[0].triangles.iter_mut().filter(|_| mirrored) {
+        for triangle in expected.mesh_mut(0).triangles.iter_mut().filter(|_| mirrored) {
             // An instance's transform turns it about.
             triangle.swap(1, 2);
         }
@@ -1677,13 +1678,18 @@ fn absent_cameras_and_lights_are_made() {
 #[test]
 fn profiles_count_what_triangles_use() {
     let mut scene = Scene {
-        meshes: vec![Mesh {
+        meshes: vec![Arc::new(Mesh {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             triangles: vec![[0, 1, 2]],
             materials: vec![0],
             ..Mesh::default()
+        })],
+        instances: vec![Instance {
+            name: String::new(),
+            mesh: 0,
+            transform: Affine3A::IDENTITY,
+            moves: false,
         }],
-        instances: vec![Instance { name: String::new(), mesh: 0, transform: Affine3A::IDENTITY }],
         materials: vec![
             Material::diffuse("wall", Vec3::ONE),
             Material { roughness: 0.0, transmission: 1.0, unlit: true, ..Material::default() },
@@ -1733,12 +1739,12 @@ fn scenes_made_in_code_are_checked() {
     good.validate().unwrap();
     type Break = fn(&mut Scene);
     let table: &[(&str, Break, &str)] = &[
-        ("NaN", |s| s.meshes[0].positions[1].y = f32::NAN, "meshes[0]"),
-        ("long normal", |s| s.meshes[0].normals = vec![2.0 * Vec3::Z; 4], "meshes[0]"),
-        ("too few uvs", |s| s.meshes[0].uv0.truncate(3), "meshes[0]"),
-        ("vertex", |s| s.meshes[0].triangles[1][2] = 4, "meshes[0]"),
-        ("material", |s| s.meshes[0].materials[0] = 1, "meshes[0]"),
-        ("materials", |s| s.meshes[0].materials.truncate(1), "meshes[0]"),
+        ("NaN", |s| s.mesh_mut(0).positions[1].y = f32::NAN, "meshes[0]"),
+        ("long normal", |s| s.mesh_mut(0).normals = vec![2.0 * Vec3::Z; 4], "meshes[0]"),
+        ("too few uvs", |s| s.mesh_mut(0).uv0.truncate(3), "meshes[0]"),
+        ("vertex", |s| s.mesh_mut(0).triangles[1][2] = 4, "meshes[0]"),
+        ("material", |s| s.mesh_mut(0).materials[0] = 1, "meshes[0]"),
+        ("materials", |s| s.mesh_mut(0).materials.truncate(1), "meshes[0]"),
         ("mesh", |s| s.instances[0].mesh = 1, "instances[0] (mesh 0)"),
         (
             "infinite transform",
@@ -1750,13 +1756,13 @@ fn scenes_made_in_code_are_checked() {
             |s| s.instances[0].transform.matrix3.z_axis = glam::Vec3A::ZERO,
             "instances[0] (mesh 0)",
         ),
-        ("too small", |s| s.meshes[0].positions.iter_mut().for_each(|p| *p *= 1e-14), "size"),
+        ("too small", |s| s.mesh_mut(0).positions.iter_mut().for_each(|p| *p *= 1e-14), "size"),
         ("image", |s| s.images.clear(), "materials[0]"),
         ("roughness", |s| s.materials[0].roughness = -0.5, "materials[0]"),
-        ("tangent count", |s| s.meshes[0].tangents = vec![[Vec4::ONE.normalize(); 3]; 3], "meshes[0]"),
-        ("tangent", |s| s.meshes[0].tangents = vec![[Vec4::ONE; 3]; 2], "meshes[0]"),
-        ("texels", |s| s.images[0].texels.truncate(1), "images[0]"),
-        ("no texels", |s| s.images[0].width = 0, "images[0]"),
+        ("tangent count", |s| s.mesh_mut(0).tangents = vec![[Vec4::ONE.normalize(); 3]; 3], "meshes[0]"),
+        ("tangent", |s| s.mesh_mut(0).tangents = vec![[Vec4::ONE; 3]; 2], "meshes[0]"),
+        ("texels", |s| Arc::make_mut(&mut s.images[0]).texels.truncate(1), "images[0]"),
+        ("no texels", |s| Arc::make_mut(&mut s.images[0]).width = 0, "images[0]"),
         ("direction", |s| s.lights[0].direction = Vec3::ZERO, "lights[0]"),
         ("dark", |s| s.lights[0].intensity.x = -1.0, "lights[0]"),
         ("camera", |s| s.cameras[0].transform.matrix3.x_axis *= 2.0, "cameras[0]"),
@@ -1913,7 +1919,7 @@ fn scenes_made_in_code_are_brought_near_by_the_same_rule() {
     assert!(matches!(scene.near_origin(), std::borrow::Cow::Borrowed(_)));
     // A mesh 11 000 km from its own origin, as it is and turned by its placement to about the same place.
     let off = Vec3::new(1e7, -5e6, 2e6);
-    scene.meshes[0].positions.iter_mut().for_each(|position| *position += off);
+    scene.mesh_mut(0).positions.iter_mut().for_each(|position| *position += off);
     let turned = Affine3A::from_rotation_y(0.4);
     scene.instances[0].transform = Affine3A::IDENTITY;
     scene.instances[1].transform = Affine3A::from_translation(off - turned.transform_vector3(off)) * turned;

@@ -23,6 +23,7 @@ use parhelion::techniques::{indirect, vpl_shoot, whitted};
 use parhelion::vk::{Backend, Device, Format};
 use std::f32::consts::PI;
 use std::path::Path;
+use std::sync::Arc;
 
 // ---- scenes ----
 
@@ -747,7 +748,7 @@ fn lit_corner() -> (Scene, Camera) {
     ];
     let mut scene = scene(meshes, vec![gray(0.7), gray(0.6), red, lamp], lights);
     let texels = (0..32).map(|i| Vec3::splat(if i < 16 { 0.1 * i as f32 / 16.0 } else { 0.02 })).collect();
-    scene.environment = Some(scene::Environment { name: "sky".into(), width: 8, height: 4, texels });
+    scene.environment = Some(scene::Environment { name: "sky".into(), width: 8, height: 4, texels }.into());
     (scene, Camera::look_at("camera", Vec3::new(1.9, 1.2, 1.8), Vec3::new(0.3, 0.3, 0.3), 0.9))
 }
 
@@ -852,7 +853,7 @@ fn tessellation_and_order_do_not_show() {
     let (scene, camera) = cornell();
     let before = picture(&mut software(&device, scene.clone()), &small(0), &camera, &[]);
     let mut finer = scene;
-    for mesh in &mut finer.meshes {
+    for mesh in finer.meshes.iter_mut().map(Arc::make_mut) {
         let triangles: Vec<_> =
             mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect();
         let materials = mesh.materials.clone();
@@ -968,7 +969,7 @@ fn textures_need_no_coordinates() {
     let wall = quad(Vec3::new(-1.0, -1.0, -1.0), Vec3::X * 2.0, Vec3::Y * 2.0, 0);
     let mut scene = scene(vec![wall], vec![painted], vec![]);
     let texels = vec![[255, 0, 0, 255], [0, 255, 0, 255]];
-    scene.images.push(scene::Image { name: "two".into(), width: 2, height: 1, texels });
+    scene.images.push(scene::Image { name: "two".into(), width: 2, height: 1, texels }.into());
     let camera = Camera::look_at("", Vec3::ZERO, Vec3::NEG_Z, 0.5);
     let frame = picture(&mut software(&device, scene), &config(2, 2), &camera, &[]);
     assert_eq!(frame.beauty.data[..3], [1.0, 0.0, 0.0]);

@@ -274,7 +274,7 @@ fn pictures_are_those_of_lights_chosen_by_power() {
     scene.materials.push(gray(0.7));
     scene.materials.push(Material { roughness: 0.5, metallic: 0.0, ..gray(0.4) });
     for (y, material) in [(-3.0, 2), (3.5, 3)] {
-        scene.meshes.push(quad(Vec3::new(-4.0, y, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0, material));
+        scene.meshes.push(quad(Vec3::new(-4.0, y, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0, material).into());
     }
     let with = |lights: usize, sky: bool| {
         let mut scene = Scene {
@@ -286,7 +286,7 @@ fn pictures_are_those_of_lights_chosen_by_power() {
             .lights
             .extend((8..lights as u32).map(|i| light(LightKind::Point, 3.0 * random_vector(i), Vec3::Y)));
         if sky {
-            scene.environment = Some(Environment::constant(Vec3::splat(0.2)));
+            scene.environment = Some(Environment::constant(Vec3::splat(0.2)).into());
             scene.lights.push(Light {
                 intensity: Vec3::splat(0.5),
                 ..light(LightKind::Directional, Vec3::ZERO, Vec3::new(0.3, -0.8, 0.5).normalize())

@@ -287,7 +287,7 @@ fn poses_keep_what_was_added_and_cost_nothing_unasked() {
     assert!(!scene.notes.iter().any(|note| note.contains("animations")));
     let camera = scene.cameras[0].clone();
     scene.add_headlight(&camera);
-    scene.environment = Some(scene::Environment::constant(Vec3::ONE));
+    scene.environment = Some(scene::Environment::constant(Vec3::ONE).into());
     let pose = scene.pose(&[0], 1.0).unwrap();
     assert_eq!((pose.lights.len(), &pose.lights[1]), (2, &scene.lights[1]));
     assert!(pose.environment.is_some() && pose.notes.is_empty());

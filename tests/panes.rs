@@ -226,7 +226,7 @@ fn glazed(lamp: bool, count: usize, material: Material) -> Scene {
     }
     let mut scene = scene(meshes, vec![gray(0.5), material, shine]);
     if !lamp {
-        scene.environment = Some(Environment::constant(Vec3::ONE));
+        scene.environment = Some(Environment::constant(Vec3::ONE).into());
     }
     scene
 }
@@ -276,7 +276,7 @@ fn room(material: Material) -> (Scene, Camera) {
         q(Vec3::new(-0.4, 0.0, -0.3), y * 0.8, z * 0.5, 0),
     ];
     let mut scene = scene(meshes, vec![gray(0.6), material]);
-    scene.environment = Some(Environment::constant(Vec3::new(0.4, 0.5, 0.7)));
+    scene.environment = Some(Environment::constant(Vec3::new(0.4, 0.5, 0.7)).into());
     scene.lights = vec![sun(Vec3::new(-0.7, -1.0, 0.3), 2.0), point(Vec3::new(0.2, 2.6, 0.1), 1.0)];
     (scene, Camera::look_at("room", Vec3::new(0.8, 1.2, 0.9), Vec3::new(-0.6, 0.5, -0.6), 0.9))
 }
@@ -319,8 +319,9 @@ fn boxes_hold_no_panes() {
                 name: String::new(),
                 mesh: scene.meshes.len() as u32,
                 transform: Affine3A::IDENTITY,
+                moves: false,
             });
-            scene.meshes.push(mesh);
+            scene.meshes.push(mesh.into());
         }
         scene.lights = vec![point(Vec3::new(0.0, 0.5, 0.0), 10.0)];
         let camera = Camera::look_at("up", Vec3::new(0.0, 1.5, 0.01), Vec3::new(0.0, 2.0, 0.0), 0.5);

@@ -35,7 +35,7 @@ use std::time::Duration;
 
 /// A geodesic sphere that faces outwards, its normals smooth.
 fn ball(center: Vec3, radius: f32, material: u32) -> Mesh {
-    let mut mesh = builtin::sphere(4, Vec3::ONE).meshes.swap_remove(0);
+    let mut mesh = Mesh::clone(&builtin::sphere(4, Vec3::ONE).meshes[0]);
     mesh.normals = mesh.positions.clone();
     mesh.positions.iter_mut().for_each(|p| *p = center + radius * *p);
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -222,7 +222,7 @@ fn a_white_furnace_shows_nothing_brighter_than_itself() {
         ("rough varnish", white, 0.80..1.002),
     ] {
         let mut scene = scene(vec![ball(Vec3::ZERO, 1.0, 0)], vec![material]);
-        scene.environment = Some(Environment::constant(Vec3::ONE));
+        scene.environment = Some(Environment::constant(Vec3::ONE).into());
         let mut config = config(16, 16, 64, 64);
         config.energy_conserving = true;
         config.path_trace.roulette_depth = 64;
@@ -246,7 +246,7 @@ fn partial_coverage_lets_its_share_through() {
     };
     let veil = quad(Vec3::new(-9.0, -9.0, 1.0), Vec3::X * 18.0, Vec3::Y * 18.0, 0);
     let mut backed = scene(vec![veil], vec![own]);
-    backed.environment = Some(Environment::constant(Vec3::splat(2.0)));
+    backed.environment = Some(Environment::constant(Vec3::splat(2.0)).into());
     let camera = Camera::look_at("front", Vec3::Z * 3.0, Vec3::ZERO, 0.6);
     let data = picture(&mut software(&device, backed), &config(16, 16, 256, 4), &camera);
     assert_close("veil", mean(&data), f64::from(alpha * 0.2 + (1.0 - alpha) * 2.0), 0.005);
@@ -262,8 +262,9 @@ fn partial_coverage_lets_its_share_through() {
             name: String::new(),
             mesh: floor.meshes.len() as u32,
             transform: Affine3A::IDENTITY,
+            moves: false,
         });
-        floor.meshes.push(veil);
+        floor.meshes.push(veil.into());
         floor.materials.push(black.clone());
     }
     let veiled = picture(&mut software(&device, floor), &config(16, 16, 4, 2), &camera);
@@ -304,7 +305,7 @@ fn both_estimators_have_one_mean() {
     };
     let (room, camera) = table();
     let mut outside = room.clone();
-    outside.environment = Some(sky);
+    outside.environment = Some(sky.into());
     for (what, scene) in [("lamp", room), ("lamp and sky", outside)] {
         let mut renderer = software(&device, scene);
         let mut of = |estimator, spp, seed| {
@@ -325,14 +326,14 @@ fn both_estimators_have_one_mean() {
 #[test]
 fn both_estimators_have_one_mean_over_facets() {
     let Some((_guard, device)) = common::device() else { return };
-    let mut mesh = builtin::sphere(0, Vec3::ONE).meshes.swap_remove(0);
+    let mut mesh = Mesh::clone(&builtin::sphere(0, Vec3::ONE).meshes[0]);
     mesh.normals = mesh.positions.clone();
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let varnish = Material { metallic: 0.0, roughness: 0.4, ..gray(0.8) };
     // As high as the ball and behind it: much of it lies below the facets that are seen.
     let lamp_behind = quad(Vec3::new(1.5, -1.5, -2.0), Vec3::Y * 3.0, Vec3::Z * 4.0, 1);
     let mut scene = scene(vec![mesh, lamp_behind], vec![varnish, lamp(3.0)]);
-    scene.environment = Some(Environment::constant(Vec3::splat(0.2)));
+    scene.environment = Some(Environment::constant(Vec3::splat(0.2)).into());
     let camera = Camera::look_at("front", Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 0.6);
     let mut renderer = software(&device, scene);
     let mut of = |estimator, spp, seed| {
@@ -678,7 +679,7 @@ fn halves_predict_the_noise() {
     scene.lights.clear();
     // A checkered glow: without rare events a few renders know the variance.
     scene.materials.push(Material { emission: Vec3::ONE, ..scene.materials[0].clone() });
-    (0..scene.meshes[0].materials.len()).for_each(|i| scene.meshes[0].materials[i] = (i % 2) as u32);
+    (0..scene.meshes[0].materials.len()).for_each(|i| scene.mesh_mut(0).materials[i] = (i % 2) as u32);
     let camera = scene.cameras[0].clone();
     let mut renderer = software(&device, scene);
     let config = config(16, 16, 32, 4);

@@ -132,7 +132,7 @@ fn rays_bring_their_share_of_the_sky() {
     for walled in [false, true] {
         let meshes = if walled { vec![ground.clone(), wall.clone()] } else { vec![ground.clone()] };
         let mut scene = scene(meshes, vec![gray(rho), gray(0.0)]);
-        scene.environment = Some(sky.clone());
+        scene.environment = Some(sky.clone().into());
         scene.cameras =
             vec![Camera::look_at("down", Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 0.001), 0.6)];
         let mut renderer = renderer_of(&device, scene);

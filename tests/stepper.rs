@@ -4,7 +4,7 @@ mod common;
 
 use glam::Vec3;
 use parhelion::config::RenderConfig;
-use parhelion::renderer::{Aov, Error, Frame, FrameRequest, Invalidated, Renderer, RendererOptions, Stepper};
+use parhelion::renderer::{Aov, Error, Frame, FrameRequest, Redone, Renderer, RendererOptions, Stepper};
 use parhelion::scene::{Camera, Light, LightKind, Scene, builtin};
 use parhelion::vk::{self, Device, MemoryKind};
 use std::sync::Arc;
@@ -86,7 +86,7 @@ fn edits_say_what_they_invalidate_and_begin_the_picture_anew() {
     stepper.step(&mut renderer, 3).unwrap();
     // The step is still under way.
     let moved = renderer.set_lights(vec![lamp(0.2, LightKind::Point)]).unwrap();
-    assert_eq!(moved, Invalidated { pictures: true, pipelines: false, structures: false });
+    assert_eq!((moved.pictures, moved.pipelines, moved.structures), (true, false, Redone::Nothing));
     assert_eq!(stepper.step(&mut renderer, 2).unwrap(), 2);
     assert_eq!(stepper.samples(), 2, "the samples under the old light are gone");
     while stepper.step(&mut renderer, 4).unwrap() > 0 {}
@@ -95,7 +95,7 @@ fn edits_say_what_they_invalidate_and_begin_the_picture_anew() {
 
     let cone = LightKind::Spot { inner: 0.2, outer: 0.6 };
     let turned = renderer.set_lights(vec![lamp(0.2, cone)]).unwrap();
-    assert_eq!(turned, Invalidated { pictures: true, pipelines: true, structures: false });
+    assert_eq!((turned.pictures, turned.pipelines, turned.structures), (true, true, Redone::Nothing));
     assert_eq!(renderer.structures(), structures);
     let mut scene = cornell().0;
     scene.lights = vec![lamp(0.2, cone)];

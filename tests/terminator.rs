@@ -15,7 +15,7 @@ use std::f32::consts::PI;
 
 /// A geodesic sphere of radius 1 around the origin that faces outwards, its normals smooth: 20 triangles, 80, 320 …
 fn ball(subdivisions: u32) -> Mesh {
-    let mut mesh = builtin::sphere(subdivisions, Vec3::ONE).meshes.swap_remove(0);
+    let mut mesh = Mesh::clone(&builtin::sphere(subdivisions, Vec3::ONE).meshes[0]);
     mesh.normals = mesh.positions.clone();
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     mesh
@@ -172,7 +172,7 @@ fn mirrors_show_no_black_facets() {
 fn coarse_spheres_pass_the_furnace() {
     let Some((_guard, device)) = common::device() else { return };
     let mut outside = scene(vec![ball(1)], gray(1.0), vec![]);
-    outside.environment = Some(Environment::constant(Vec3::ONE));
+    outside.environment = Some(Environment::constant(Vec3::ONE).into());
     let glow = Material { emission: Vec3::splat(0.5), double_sided: true, ..gray(0.5) };
     let inside = scene(vec![ball(1)], glow, vec![]);
     let within = Camera::look_at("within", Vec3::new(0.1, 0.05, 0.2), Vec3::Z, 1.2);
@@ -204,7 +204,7 @@ fn no_light_enters_a_closed_coarse_sphere() {
     let Some((_guard, device)) = common::device() else { return };
     let lights = [Vec3::new(1.0, 0.3, -0.35), Vec3::new(-0.2, 1.0, 0.3), Vec3::NEG_Z].map(sun).to_vec();
     let mut dark = scene(vec![ball(1)], gray(0.5), lights.clone());
-    dark.environment = Some(Environment::constant(Vec3::ONE));
+    dark.environment = Some(Environment::constant(Vec3::ONE).into());
     let mut renderer = software(&device, dark);
     for direction in [Vec3::X, Vec3::NEG_X] {
         let camera = Camera::look_at("within", Vec3::new(0.1, 0.05, 0.2), direction, 2.6);
@@ -259,7 +259,7 @@ fn flat_facets_keep_their_bits() {
     beside.positions.iter_mut().for_each(|p| *p = 0.3 * *p + Vec3::new(30.0, 0.0, 0.0));
     for (meshes, curved) in [(vec![without], false), (vec![faceted(&round), beside], true)] {
         let mut of_flat = scene(meshes, gray(0.5), vec![sun(Vec3::new(1.0, 0.3, -0.35))]);
-        of_flat.environment = Some(Environment::constant(Vec3::splat(0.3)));
+        of_flat.environment = Some(Environment::constant(Vec3::splat(0.3)).into());
         let mut renderer = software(&device, of_flat);
         assert_eq!(renderer.profile(0.1).curved, curved);
         for path in [false, true] {

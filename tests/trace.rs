@@ -33,6 +33,8 @@ fn found(hit: &Hit) -> bool {
 enum Way {
     OneLevel,
     TwoLevels,
+    /// Two for what moves.
+    Moving,
     RayQuery,
 }
 
@@ -52,7 +54,11 @@ struct Traced<'a> {
 
 impl<'a> Traced<'a> {
     fn new(device: &'a Device, way: Way, geometry: &'a Geometry) -> Self {
-        let levels = if way == Way::TwoLevels { Levels::Two } else { Levels::One };
+        let levels = match way {
+            Way::TwoLevels => Levels::Two,
+            Way::Moving => Levels::AsNeeded,
+            Way::OneLevel | Way::RayQuery => Levels::One,
+        };
         let backend = way.backend();
         let arrangement = Arrangement { levels, ..Arrangement::default() };
         let structure = Structure::build(device, backend, geometry, arrangement).unwrap();
@@ -159,11 +165,12 @@ fn soup(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Mesh {
 }
 
 fn placed(mesh: u32, transform: Affine3A) -> Instance {
-    Instance { name: String::new(), mesh, transform }
+    Instance { name: String::new(), mesh, transform, moves: false }
 }
 
 fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {
     let masked = Material { alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..Material::default() };
+    let meshes = meshes.into_iter().map(Arc::new).collect();
     Scene { meshes, instances, materials: vec![Material::default(), masked], ..Scene::default() }
 }
 
@@ -529,28 +536,8 @@ fn placements_of_every_kind() {
 fn two_levels_are_one() {
     let Some((_guard, device)) = common::device() else { return };
     let same = |geometry: &Geometry, count| {
-        let rays = rays(geometry, count);
         let [one, two] = [Way::OneLevel, Way::TwoLevels].map(|way| Traced::new(&device, way, geometry));
-        assert!(two.structure.traversal().two_levels && !one.structure.traversal().two_levels);
-        let bits = |hit: &Hit| {
-            let [v, w] = hit.barycentrics.map(f32::to_bits);
-            found(hit).then_some((hit.t.to_bits(), hit.instance, hit.primitive, v, w))
-        };
-        let [a, b] = [&one, &two].map(|traced| traced.closest(&rays));
-        assert!(a.iter().filter(|hit| found(hit)).count() > count / 10);
-        let oracle = Oracle::new(geometry);
-        let is_line = |hit: &Hit| {
-            let triangle = oracle.brute.triangle(hit.instance, hit.primitive).unwrap();
-            let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
-            (b - a).cross(c - a) == DVec3::ZERO
-        };
-        let same = |a: &Hit, b: &Hit| bits(a) == bits(b) || found(b) && is_line(b);
-        let differ = a.iter().zip(&b).zip(&rays).filter(|((a, b), _)| !same(a, b));
-        let differ: Vec<_> = differ.map(|((a, b), ray)| format!("{ray:?}: {a:?}, {b:?}")).collect();
-        assert!(differ.is_empty(), "{} rays: {}", differ.len(), differ[0]);
-        let lines = b.iter().filter(|hit| found(hit) && is_line(hit)).count();
-        let [a, b] = [one.any(&rays), two.any(&rays)];
-        assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() <= lines);
+        assert_same(&one, &two, count);
     };
     same(&placements(false), RAYS);
     same(&placements(true), RAYS / 2);
@@ -566,6 +553,65 @@ fn two_levels_are_one() {
     }
 }
 
+/// What moves is placed by itself and all that stays together; neither that nor where it was before shows in what is met.
+#[test]
+fn what_moves_is_met_where_it_is() {
+    let Some((_guard, device)) = common::device() else { return };
+    for odd in [false, true] {
+        let still = placements(odd);
+        let mut moving = still.clone();
+        // Of each mesh some: those odd ones have no inverse.
+        moving.instances[1..].iter_mut().step_by(3).for_each(|placed| placed.moves = true);
+        let start = Traced::new(&device, Way::Moving, &moving);
+        assert_same(&Traced::new(&device, Way::OneLevel, &still), &start, RAYS / 4);
+        if odd {
+            continue;
+        }
+        for angle in [0.3, 2.0] {
+            let turn = Affine3A::from_rotation_translation(Quat::from_rotation_z(angle), Vec3::Y * angle);
+            let mut there = moving.clone();
+            for placed in there.instances.iter_mut().filter(|placed| placed.moves) {
+                placed.transform = turn * placed.transform;
+            }
+            let structure = start.structure.moved(&device, &there).unwrap().unwrap();
+            let names: Vec<&str> = structure.reports().iter().map(|report| &*report.name).collect();
+            assert_eq!(names, ["software", "software-top"]);
+            let followed =
+                Traced { device: &device, backend: Backend::Software, structure, geometry: &there };
+            assert_same(&Traced::new(&device, Way::OneLevel, &there), &followed, RAYS / 4);
+        }
+        // Without an inverse a placement's triangles are in the world.
+        let mut flat = moving.clone();
+        flat.instances[1].transform = Affine3A::from_scale(vec3(1.0, 1e-20, 1.0));
+        assert!(start.structure.moved(&device, &flat).unwrap().is_none());
+    }
+}
+
+fn assert_same(one: &Traced<'_>, two: &Traced<'_>, count: usize) {
+    let geometry = one.geometry;
+    let rays = rays(geometry, count);
+    assert!(two.structure.traversal().two_levels && !one.structure.traversal().two_levels);
+    let bits = |hit: &Hit| {
+        let [v, w] = hit.barycentrics.map(f32::to_bits);
+        found(hit).then_some((hit.t.to_bits(), hit.instance, hit.primitive, v, w))
+    };
+    let [a, b] = [one, two].map(|traced| traced.closest(&rays));
+    assert!(a.iter().filter(|hit| found(hit)).count() > count / 10);
+    let oracle = Oracle::new(geometry);
+    let is_line = |hit: &Hit| {
+        let triangle = oracle.brute.triangle(hit.instance, hit.primitive).unwrap();
+        let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
+        (b - a).cross(c - a) == DVec3::ZERO
+    };
+    let same = |a: &Hit, b: &Hit| bits(a) == bits(b) || found(b) && is_line(b);
+    let differ = a.iter().zip(&b).zip(&rays).filter(|((a, b), _)| !same(a, b));
+    let differ: Vec<_> = differ.map(|((a, b), ray)| format!("{ray:?}: {a:?}, {b:?}")).collect();
+    assert!(differ.is_empty(), "{} rays: {}", differ.len(), differ[0]);
+    let lines = b.iter().filter(|hit| found(hit) && is_line(hit)).count();
+    let [a, b] = [one.any(&rays), two.any(&rays)];
+    assert!(a.iter().zip(&b).filter(|(a, b)| a != b).count() <= lines);
+}
+
 /// What coincides would all be met at once: a ray asks one of it. Masked triangles have holes of their own.
 #[test]
 fn of_what_coincides_one_is_kept() {
@@ -574,17 +620,17 @@ fn of_what_coincides_one_is_kept() {
     let masked = Mesh { materials: vec![1; 40], ..mesh.clone() };
     let instances = (0..300).map(|i| placed(i % 2, Affine3A::IDENTITY)).collect();
     let geometry = Geometry::of(&scene(vec![mesh, masked], instances)).unwrap();
-    let meshes = Meshes::build(&geometry, false).unwrap();
+    let meshes = Meshes::build(&geometry, false, true).unwrap();
     // The opaque one of the first mesh, and all of the second.
     assert_eq!(meshes.triangles.len(), 1 + 40);
-    let top = meshes.top().unwrap();
+    let top = meshes.places.top().unwrap();
     assert_eq!(top.placements.len(), 1 + 150);
 
     let solid = soup([[Vec3::X, Vec3::Y, Vec3::Z]; 40]);
     let instances = (0..300).map(|_| placed(0, Affine3A::IDENTITY)).collect();
     let geometry = Geometry::of(&scene(vec![solid], instances)).unwrap();
-    let meshes = Meshes::build(&geometry, false).unwrap();
-    let placements = meshes.top().unwrap().placements;
+    let meshes = Meshes::build(&geometry, false, true).unwrap();
+    let placements = meshes.places.top().unwrap().placements;
     assert_eq!((meshes.triangles.len(), placements.len(), placements[0].instance), (1, 1, 1));
     agrees_with_brute_force(&geometry, 1000);
 }

@@ -25,11 +25,16 @@ const PLANES: BoxOptions = BoxOptions { split: None, planes: true, panes: false 
 
 // ---- scenes ----
 
-fn scene(meshes: Vec<Mesh>, instances: &[(u32, Affine3A)]) -> Scene {
+fn scene(meshes: Vec<impl Into<Arc<Mesh>>>, instances: &[(u32, Affine3A)]) -> Scene {
     let masked = Material { alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..Material::default() };
-    let place = |&(mesh, transform): &(u32, Affine3A)| Instance { name: String::new(), mesh, transform };
+    let place = |&(mesh, transform): &(u32, Affine3A)| Instance {
+        name: String::new(),
+        mesh,
+        transform,
+        moves: false,
+    };
     Scene {
-        meshes,
+        meshes: meshes.into_iter().map(Into::into).collect(),
         instances: instances.iter().map(place).collect(),
         materials: vec![Material::default(), masked],
         ..Scene::default()
@@ -85,7 +90,8 @@ fn mixture() -> Geometry {
         (1, Affine3A::from_translation(vec3(0.4, 0.0, 0.1))),
         (2, Affine3A::from_translation(-Vec3::ONE)),
     ];
-    Geometry::of(&scene(vec![scattered(200, 0.5), scattered(50, 0.2), room], &instances)).unwrap()
+    Geometry::of(&scene(vec![scattered(200, 0.5).into(), scattered(50, 0.2).into(), room], &instances))
+        .unwrap()
 }
 
 // ---- rays ----

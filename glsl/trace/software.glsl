@@ -228,13 +228,16 @@ const uint LEAF_MASKED = 1u;
 const uint LEAF_SHEER = 2u;
 const uint LEAF_PANE = 4u;
 
+// Of two levels what does not move is placed together, and each of its triangles knows how far behind its instance is.
+uint instance_of(TriangleRay ray, vec4 a) { return ray.instance + floatBitsToUint(a.w); }
+
 // Of two levels a triangle is named by its index and its placement.
 uvec2 triangle_id(TriangleRay ray, uvec2 met)
 {
+    vec4 a = ray.triangles.word[3u * met.x];
     vec4 b = ray.triangles.word[3u * met.x + 1u];
-    vec4 named = ray.triangles.word[3u * met.x];
-    if (TWO_LEVELS) named = BvhPlacements(scene.bvh_placements).word[7u * met.y + 1u];
-    return floatBitsToUint(vec2(named.w, b.w));
+    if (TWO_LEVELS) set_placement(met.y, ray);
+    return uvec2(instance_of(ray, a), floatBitsToUint(b.w));
 }
 
 bool meets(TriangleRay ray, uint index, uvec2 best, float t_min, float t_max, out float t)
@@ -245,7 +248,7 @@ bool meets(TriangleRay ray, uint index, uvec2 best, float t_min, float t_max, ou
     vec3 t_barycentrics;
     bool met = intersect(ray.frame, vertex(ray, a), vertex(ray, b), vertex(ray, c), t_barycentrics);
     t = t_barycentrics.x;
-    uint instance = TWO_LEVELS ? ray.instance : floatBitsToUint(a.w);
+    uint instance = instance_of(ray, a);
     met = met && t > t_min && t <= t_max;
     if (met && t == t_max) {
         met = best.x != NONE && !precedes(triangle_id(ray, best), uvec2(instance, floatBitsToUint(b.w)));
@@ -271,8 +274,7 @@ Hit hit_of(TriangleRay ray, uvec2 best, float t)
     if (TWO_LEVELS) set_placement(best.y, ray);
     vec3 t_barycentrics;
     intersect(ray.frame, vertex(ray, a), vertex(ray, b), vertex(ray, c), t_barycentrics);
-    uint instance = TWO_LEVELS ? ray.instance : floatBitsToUint(a.w);
-    return Hit(t, instance, floatBitsToUint(b.w), t_barycentrics.yz);
+    return Hit(t, instance_of(ray, a), floatBitsToUint(b.w), t_barycentrics.yz);
 }
 
 struct Probe {

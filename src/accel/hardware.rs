@@ -6,6 +6,7 @@ use super::{Error, Geometry, MeshRange, StructureReport, upload};
 use crate::vk::accel::{BuildReport, Input, Instance, Triangles};
 use crate::vk::{self, AccelerationStructure};
 use ash::vk::GeometryInstanceFlagsKHR;
+use std::sync::Arc;
 
 /// What kernels see of an instance beside its id has 24 bits.
 const RECORD_OFFSET_LIMIT: u64 = (1 << 24) - 1;
@@ -14,7 +15,14 @@ const RECORD_OFFSET_LIMIT: u64 = (1 << 24) - 1;
 #[derive(Debug)]
 pub(super) struct Hardware {
     pub(super) top: AccelerationStructure,
-    _bottom: Vec<AccelerationStructure>,
+    bottom: Arc<Bottom>,
+}
+
+/// The bottom levels, and the address of each mesh range's that has one.
+#[derive(Debug)]
+struct Bottom {
+    _structures: Vec<AccelerationStructure>,
+    addresses: Vec<Option<u64>>,
 }
 
 impl Hardware {
@@ -53,6 +61,31 @@ impl Hardware {
             .iter()
             .map(|mesh| if mesh.is_empty() { None } else { built.next().map(AccelerationStructure::address) })
             .collect();
+        let bottom = Arc::new(Bottom { _structures: bottom, addresses });
+        let lower = StructureReport {
+            name: "blas".into(),
+            build_ms: bottom_report.milliseconds,
+            bytes: bottom_report.bytes,
+            primitives: geometry.triangles.len() as u64,
+        };
+        let (hardware, upper) = Self::over(device, geometry, bottom)?;
+        Ok((hardware, [lower, upper]))
+    }
+
+    /// The same with what moves placed as `geometry` has it, of which nothing else has changed.
+    pub(super) fn moved(
+        &self,
+        device: &vk::Device,
+        geometry: &Geometry,
+    ) -> Result<(Self, StructureReport), Error> {
+        Self::over(device, geometry, Arc::clone(&self.bottom))
+    }
+
+    fn over(
+        device: &vk::Device,
+        geometry: &Geometry,
+        bottom: Arc<Bottom>,
+    ) -> Result<(Self, StructureReport), Error> {
         let instances: Vec<Instance> = geometry
             .instances
             .iter()
@@ -67,26 +100,18 @@ impl Hardware {
                         & RECORD_OFFSET_LIMIT as u32,
                     mask: 0xff,
                     flags: GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE,
-                    structure: addresses[placed.mesh as usize]?,
+                    structure: bottom.addresses[placed.mesh as usize]?,
                 })
             })
             .collect();
         let (top, top_report) = device.build_instance_structure("tlas", &instances)?;
-        let reports = [
-            StructureReport {
-                name: "blas".into(),
-                build_ms: bottom_report.milliseconds,
-                bytes: bottom_report.bytes,
-                primitives: geometry.triangles.len() as u64,
-            },
-            StructureReport {
-                name: "tlas".into(),
-                build_ms: top_report.milliseconds,
-                bytes: top_report.bytes,
-                primitives: instances.len() as u64,
-            },
-        ];
-        Ok((Self { top, _bottom: bottom }, reports))
+        let report = StructureReport {
+            name: "tlas".into(),
+            build_ms: top_report.milliseconds,
+            bytes: top_report.bytes,
+            primitives: instances.len() as u64,
+        };
+        Ok((Self { top, bottom }, report))
     }
 }
 

@@ -1,10 +1,11 @@
 //! Two levels for kernels to traverse: nodes over placements above nodes over each mesh's own triangles.
 //!
-//! A mesh is held once however often it is placed, 112 bytes a placement. Kernels test triangles in the world, rounded as
+//! A mesh is held once however often it is placed, 112 bytes a placement; where that is for the sake of what moves, all that
+//! stays is placed together. Kernels test triangles in the world, rounded as
 //! where all lie in one level, so hits are the same bit for bit; only boxes are met in object space.
 
 use super::software::{HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, SoftwareBvh, check_count, wide_tree};
-use super::{Error, Geometry, MeshRange, Placed, WorldTriangle, world_position};
+use super::{Error, Geometry, Placed, WorldTriangle};
 use glam::{Affine3A, Mat3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::node::CwBvhNode;
@@ -28,7 +29,7 @@ pub struct Placement {
     pub root: u32,
     /// Image of the Y axis.
     pub y: [f32; 3],
-    /// Instance, as in [`Geometry`].
+    /// Instance, as in [`Geometry`]; of what is placed together the first, which triangles count from.
     pub instance: u32,
     /// Image of the Z axis.
     pub z: [f32; 3],
@@ -51,9 +52,13 @@ pub struct Top {
     depth: u32,
 }
 
-/// An instance of [`Geometry`], and where in the lower level its triangles are.
+/// Instances of [`Geometry`] that are placed together, and where in the lower level their triangles are.
 #[derive(Clone, Copy, Debug)]
 struct Lower {
+    /// The first.
+    instance: u32,
+    /// Whether it is to move.
+    moves: bool,
     /// The first node; none where no triangle has area.
     root: Option<u32>,
     /// Whether no light passes any triangle.
@@ -72,9 +77,16 @@ pub struct Meshes {
     pub nodes: Vec<CwBvhNode>,
     /// In leaf order.
     pub triangles: Vec<LeafTriangle>,
-    /// Most levels of nodes.
+    /// What is placed.
+    pub places: Places,
+}
+
+/// What the lower level's nodes are placed by.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// Most levels of nodes of a mesh.
     depth: u32,
-    instances: Vec<Lower>,
+    lower: Vec<Lower>,
 }
 
 /// Whether two levels take so much less memory than one that they are built where nothing else decides: at most half, and
@@ -88,35 +100,138 @@ pub fn worthwhile(geometry: &Geometry) -> bool {
 }
 
 impl Meshes {
-    /// Builds nodes over each mesh, deterministically and on the calling thread. Of triangles that coincide and let no light
-    /// through one is kept, which a ray would meet first.
+    /// Builds nodes over each mesh, or over those that move and over all others together; deterministically and on the calling
+    /// thread. Of triangles that coincide and let no light through one is kept, which a ray would meet first.
     ///
     /// # Errors
     /// [`Error::TooMany`] past 2²⁸ triangles, each mesh's counted once.
-    pub fn build(geometry: &Geometry, split: bool) -> Result<Self, Error> {
-        check_count(geometry.triangles.len() as u64)?;
+    pub fn build(geometry: &Geometry, split: bool, each: bool) -> Result<Self, Error> {
         let mut meshes = Self::default();
+        let apart = |placed: &Placed| each || placed.moves;
+        let together: Vec<u32> = (0..)
+            .zip(&geometry.instances)
+            .filter_map(|(instance, placed)| (!apart(placed)).then_some(instance))
+            .collect();
+        let count = |&instance: &u32| {
+            let mesh = geometry.instances[instance as usize].mesh;
+            u64::from(geometry.meshes[mesh as usize].triangle_count)
+        };
+        check_count(geometry.triangles.len() as u64 + together.iter().map(count).sum::<u64>())?;
+        if !together.is_empty() {
+            let triangles = together.iter().flat_map(|&instance| geometry.instance_triangles(instance));
+            meshes.append_in_world(0, triangles, together.iter().map(count).sum(), split)?;
+        }
         let mut shared = vec![None; geometry.meshes.len()];
-        let corners: Vec<Vec<u32>> = geometry.meshes.iter().map(|range| corners(geometry, range)).collect();
-        for placed in &geometry.instances {
-            let range = geometry.meshes[placed.mesh as usize];
-            // What has no inverse is brought to the world.
-            let inverse = inverse(&placed.transform);
-            let known = shared[placed.mesh as usize].filter(|_| inverse.is_some());
+        for (instance, placed) in (0..).zip(&geometry.instances).filter(|(_, placed)| apart(placed)) {
+            let Some(inverse) = inverse(&placed.transform) else {
+                let triangles =
+                    geometry.instance_triangles(instance).map(|t| WorldTriangle { instance: 0, ..t });
+                meshes.append_in_world(instance, triangles, count(&instance), split)?;
+                continue;
+            };
+            let known = &mut shared[placed.mesh as usize];
             let (root, solid) = match known {
-                Some(known) => known,
+                Some(known) => *known,
                 None => {
-                    let transform = inverse.is_none().then_some(&placed.transform);
-                    meshes.append(geometry, range, transform, split)?
+                    let object = geometry.object_triangles(geometry.meshes[placed.mesh as usize]);
+                    *known.insert(meshes.append(object, count(&instance), split)?)
                 }
             };
-            if inverse.is_some() {
-                shared[placed.mesh as usize] = Some((root, solid));
-            }
-            let bounds = world_bounds(geometry, placed, &corners[placed.mesh as usize]);
-            meshes.instances.push(Lower { root, solid, inverse, transform: placed.transform, bounds });
+            meshes.places.lower.push(Lower {
+                instance,
+                moves: placed.moves,
+                root,
+                solid,
+                inverse: Some(inverse),
+                transform: placed.transform,
+                bounds: world_bounds(geometry.instance_triangles(instance)),
+            });
         }
         Ok(meshes)
+    }
+
+    /// Adds nodes over triangles in the world, which are placed where they are.
+    fn append_in_world(
+        &mut self,
+        instance: u32,
+        triangles: impl Iterator<Item = WorldTriangle> + Clone,
+        count: u64,
+        split: bool,
+    ) -> Result<(), Error> {
+        let bounds = world_bounds(triangles.clone());
+        let (root, solid) = self.append(triangles, count, split)?;
+        let transform = Affine3A::IDENTITY;
+        self.places.lower.push(Lower {
+            instance,
+            moves: false,
+            root,
+            solid,
+            inverse: None,
+            transform,
+            bounds,
+        });
+        Ok(())
+    }
+
+    /// Adds nodes over triangles. Returns the first node, none where nothing has area, and whether no light passes what was
+    /// added.
+    fn append(
+        &mut self,
+        all: impl Iterator<Item = WorldTriangle>,
+        count: u64,
+        split: bool,
+    ) -> Result<(Option<u32>, bool), Error> {
+        super::room("triangles", count, HOST_BYTES)?;
+        let mut known = HashSet::new();
+        let mut solid = true;
+        let mut triangles = Vec::new();
+        for triangle in all {
+            let opaque = !(triangle.blocks.masked || triangle.blocks.sheer);
+            let bits = triangle.vertices.map(|vertex| vertex.to_array().map(f32::to_bits));
+            if !super::has_area(triangle.vertices) || known.contains(&bits) {
+                continue;
+            }
+            solid &= opaque;
+            if opaque {
+                known.insert(bits);
+            }
+            triangles.push(triangle);
+        }
+        if triangles.is_empty() {
+            return Ok((None, solid));
+        }
+        let bvh = SoftwareBvh::over(&triangles, split, MESH_DEPTH)?;
+        let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
+        self.nodes.extend(bvh.nodes.into_iter().map(|node| CwBvhNode {
+            child_base_idx: node.child_base_idx + first_node,
+            primitive_base_idx: node.primitive_base_idx + first_triangle,
+            ..node
+        }));
+        self.triangles.extend(bvh.triangles);
+        self.places.depth = self.places.depth.max(bvh.stack_depth);
+        Ok((Some(first_node), solid))
+    }
+}
+
+impl Places {
+    /// Whether anything is to move.
+    #[must_use]
+    pub fn move_any(&self) -> bool {
+        self.lower.iter().any(|lower| lower.moves)
+    }
+
+    /// Where `geometry` has what moves. None where a placement has lost its inverse: then its triangles are to be brought to
+    /// the world.
+    #[must_use]
+    pub fn moved(&self, geometry: &Geometry) -> Option<Self> {
+        let mut places = self.clone();
+        for lower in places.lower.iter_mut().filter(|lower| lower.moves) {
+            lower.transform = geometry.instances[lower.instance as usize].transform;
+            lower.inverse = Some(inverse(&lower.transform)?);
+            lower.bounds = world_bounds(geometry.instance_triangles(lower.instance));
+        }
+        let all = geometry.instances.iter().filter(|placed| placed.moves).count();
+        (places.lower.iter().filter(|lower| lower.moves).count() == all).then_some(places)
     }
 
     /// Builds the upper level. Of placements that coincide and let no light through one is kept, which a ray would meet first.
@@ -130,12 +245,11 @@ impl Meshes {
             !lower.solid || known.insert((lower.root, place))
         };
         let placed: Vec<(Aabb, Placement)> = self
-            .instances
+            .lower
             .iter()
-            .zip(0..)
-            .filter_map(|(lower, instance)| Some((lower, lower.root?, instance)))
-            .filter(|(lower, ..)| first(lower))
-            .map(|(lower, root, instance)| (lower.bounds, lower.record(root, instance)))
+            .filter_map(|lower| Some((lower, lower.root?)))
+            .filter(|(lower, _)| first(lower))
+            .map(|(lower, root)| (lower.bounds, lower.record(root)))
             .collect();
         let (bounds, records): (Vec<Aabb>, Vec<Placement>) = placed.into_iter().unzip();
         let (tree, depth) = wide_tree(&bounds, TOP_DEPTH)?;
@@ -145,56 +259,16 @@ impl Meshes {
         Ok(top)
     }
 
-    /// What kernels must set `STACK_DEPTH` to: of each level of nodes one entry can wait, and placements of one.
+    /// What kernels must set `STACK_DEPTH` to: of each level of nodes one entry can wait, and placements of one. What moves may
+    /// come to have more levels above it.
     #[must_use]
     pub fn stack_depth(&self, top: &Top) -> u32 {
-        top.depth + 1 + self.depth
-    }
-
-    /// Adds nodes over a range's triangles, brought to the world where a transform is given. Returns the first node, none
-    /// where nothing has area, and whether no light passes what was added.
-    fn append(
-        &mut self,
-        geometry: &Geometry,
-        range: MeshRange,
-        transform: Option<&Affine3A>,
-        split: bool,
-    ) -> Result<(Option<u32>, bool), Error> {
-        super::room("triangles", range.triangle_count.into(), HOST_BYTES)?;
-        let mut known = HashSet::new();
-        let mut solid = true;
-        let mut triangles = Vec::new();
-        for primitive in 0..range.triangle_count {
-            let index = (range.first_triangle + primitive) as usize;
-            let blocks = geometry.source[index].blocks;
-            let vertices = geometry.triangles[index].map(|corner| {
-                let point = geometry.positions[corner as usize];
-                transform.map_or(point, |transform| world_position(transform, point))
-            });
-            let opaque = !(blocks.masked || blocks.sheer);
-            let bits = vertices.map(|vertex| vertex.to_array().map(f32::to_bits));
-            if !super::has_area(vertices) || known.contains(&bits) {
-                continue;
-            }
-            solid &= opaque;
-            if opaque {
-                known.insert(bits);
-            }
-            triangles.push(WorldTriangle { vertices, instance: 0, primitive, blocks });
-        }
-        if triangles.is_empty() {
-            return Ok((None, solid));
-        }
-        let bvh = SoftwareBvh::over(&triangles, split, MESH_DEPTH)?;
-        let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
-        self.nodes.extend(bvh.nodes.into_iter().map(|node| CwBvhNode {
-            child_base_idx: node.child_base_idx + first_node,
-            primitive_base_idx: node.primitive_base_idx + first_triangle,
-            ..node
-        }));
-        self.triangles.extend(bvh.triangles);
-        self.depth = self.depth.max(bvh.stack_depth);
-        Ok((Some(first_node), solid))
+        let upper = if self.move_any() {
+            top.depth.next_multiple_of(4).min(TOP_DEPTH.max(top.depth))
+        } else {
+            top.depth
+        };
+        upper + 1 + self.depth
     }
 }
 
@@ -207,7 +281,7 @@ fn inverse(transform: &Affine3A) -> Option<Mat3> {
 }
 
 impl Lower {
-    fn record(&self, root: u32, instance: u32) -> Placement {
+    fn record(&self, root: u32) -> Placement {
         let placed = self.inverse.map(|inverse| (self.transform, inverse));
         let (transform, inverse) = placed.unwrap_or_default();
         let m = transform.matrix3;
@@ -215,7 +289,7 @@ impl Lower {
             x: m.x_axis.to_array(),
             root,
             y: m.y_axis.to_array(),
-            instance,
+            instance: self.instance,
             z: m.z_axis.to_array(),
             padding0: 0,
             at: transform.translation.to_array(),
@@ -225,20 +299,10 @@ impl Lower {
     }
 }
 
-/// Vertices that a mesh's triangles name, each once.
-fn corners(geometry: &Geometry, range: &MeshRange) -> Vec<u32> {
-    let triangles = range.first_triangle as usize..(range.first_triangle + range.triangle_count) as usize;
-    let mut corners: Vec<u32> = geometry.triangles[triangles].iter().flatten().copied().collect();
-    corners.sort_unstable();
-    corners.dedup();
-    corners
-}
-
-/// The box around a placement's triangles in the world.
-fn world_bounds(geometry: &Geometry, placed: &Placed, corners: &[u32]) -> Aabb {
-    corners.iter().fold(Aabb::INVALID, |bounds, &corner| {
-        let point = world_position(&placed.transform, geometry.positions[corner as usize]);
-        let point = Vec3A::from(point);
-        bounds.union(&Aabb::new(point, point))
-    })
+/// The box around triangles.
+fn world_bounds(triangles: impl Iterator<Item = WorldTriangle>) -> Aabb {
+    let all = |bounds: Aabb, triangle: WorldTriangle| {
+        bounds.union(&Aabb::from_points(&triangle.vertices.map(Vec3A::from)))
+    };
+    triangles.fold(Aabb::INVALID, all)
 }

@@ -1,9 +1,9 @@
 //! Geometry that rays are traced against: the scene's triangles as both backends see them, and structures over them.
 //!
 //! A hit names its surface by two numbers that are the same on every backend and on the CPU:
-//! - `instance` 0 is the *merged mesh*: all meshes placed exactly once, transformed to the world and put
+//! - `instance` 0 is the *merged mesh*: all meshes placed exactly once that stay, transformed to the world and put
 //!   one after the other in instance order, so that a scene without repetition needs no second level;
-//!   instances 1… are the placements of meshes used more than once, in the scene's order.
+//!   instances 1… are the placements of meshes used more than once or to be moved, in the scene's order.
 //! - `primitive` is the triangle's index in that mesh, opaque triangles before alpha-masked ones.
 //!
 //! A transform that mirrors leaves the order of a triangle's vertices as it is, so barycentric coordinates
@@ -23,7 +23,7 @@ pub use structure::{Arrangement, Levels, Structure, Traversal};
 
 use crate::ErrorClass;
 use crate::memory::{Budget, Shortage};
-use crate::scene::{AlphaMode, Material, Scene};
+use crate::scene::{AlphaMode, Instance, Material, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
 
@@ -36,7 +36,7 @@ pub struct Geometry {
     pub triangles: Vec<[u32; 3]>,
     /// Where each triangle comes from, as long as `triangles`.
     pub source: Vec<Source>,
-    /// Range 0 is the merged mesh and may be empty; the others are the meshes used more than once.
+    /// Range 0 is the merged mesh and may be empty; the others are the meshes used more than once or to be moved.
     pub meshes: Vec<MeshRange>,
     /// Placement 0 is the merged mesh under the identity.
     pub instances: Vec<Placed>,
@@ -75,6 +75,8 @@ pub struct Placed {
     pub transform: Affine3A,
     /// Index into [`Scene::instances`]; `u32::MAX` for the merged mesh, which holds many.
     pub instance: u32,
+    /// Whether it [is to move](crate::scene::Instance::moves).
+    pub moves: bool,
 }
 
 /// A triangle in the world with the ids that a hit on it carries.
@@ -102,7 +104,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    fn of(material: &Material) -> Self {
+    pub(crate) fn of(material: &Material) -> Self {
         Self {
             masked: matches!(material.alpha_mode, AlphaMode::Mask { .. }),
             sheer: material.may_be_sheer(),
@@ -210,19 +212,22 @@ impl Geometry {
 
         let blocks: Vec<Blocks> = scene.materials.iter().map(Blocks::of).collect();
         let mut geometry = Self::default();
-        geometry.instances.push(Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX });
+        let merged = Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX, moves: false };
+        geometry.instances.push(merged);
 
-        let once: Vec<Part> = parts(scene).filter(|part| uses[part.mesh as usize] == 1).collect();
+        let is_merged =
+            |part: &Part| uses[part.mesh as usize] == 1 && !scene.instances[part.instance as usize].moves;
+        let once: Vec<Part> = parts(scene).filter(is_merged).collect();
         geometry.append(scene, &once, &blocks, |part, point| {
             world_position(&scene.instances[part.instance as usize].transform, point)
         });
 
         let mut range_of = vec![None; scene.meshes.len()];
-        for part in parts(scene).filter(|part| uses[part.mesh as usize] > 1) {
+        for part in parts(scene).filter(|part| !is_merged(part)) {
             let mesh = *range_of[part.mesh as usize]
                 .get_or_insert_with(|| geometry.append(scene, &[part], &blocks, |_, point| point));
-            let transform = scene.instances[part.instance as usize].transform;
-            geometry.instances.push(Placed { mesh, transform, instance: part.instance });
+            let Instance { transform, moves, .. } = scene.instances[part.instance as usize];
+            geometry.instances.push(Placed { mesh, transform, instance: part.instance, moves });
         }
         Ok(geometry)
     }
@@ -269,6 +274,13 @@ impl Geometry {
         self.meshes.len() as u32 - 1
     }
 
+    /// Places what moves as it is in `scene`, of which nothing else has changed.
+    pub fn place(&mut self, scene: &Scene) {
+        for placed in self.instances.iter_mut().filter(|placed| placed.moves) {
+            placed.transform = scene.instances[placed.instance as usize].transform;
+        }
+    }
+
     /// Number of triangles with every instance counted.
     #[must_use]
     pub fn world_triangle_count(&self) -> u64 {
@@ -277,18 +289,37 @@ impl Geometry {
 
     /// All triangles in the world, ordered by instance and then primitive.
     pub fn world_triangles(&self) -> impl Iterator<Item = WorldTriangle> + '_ {
-        self.instances.iter().zip(0..).flat_map(move |(placed, instance)| {
-            let range = self.meshes[placed.mesh as usize];
-            (0..range.triangle_count).map(move |primitive| {
-                let index = (range.first_triangle + primitive) as usize;
-                let corners = self.triangles[index];
-                let vertices = corners.map(|corner| {
-                    let point = self.positions[corner as usize];
-                    if instance == 0 { point } else { world_position(&placed.transform, point) }
-                });
-                WorldTriangle { vertices, instance, primitive, blocks: self.source[index].blocks }
-            })
+        (0..self.instances.len() as u32).flat_map(|instance| self.instance_triangles(instance))
+    }
+
+    /// Those of one instance.
+    fn instance_triangles(&self, instance: u32) -> impl Iterator<Item = WorldTriangle> + Clone + '_ {
+        let placed = &self.instances[instance as usize];
+        let range = self.meshes[placed.mesh as usize];
+        (0..range.triangle_count).map(move |primitive| {
+            let index = (range.first_triangle + primitive) as usize;
+            let corners = self.triangles[index];
+            let vertices = corners.map(|corner| {
+                let point = self.positions[corner as usize];
+                if instance == 0 { point } else { world_position(&placed.transform, point) }
+            });
+            WorldTriangle { vertices, instance, primitive, blocks: self.source[index].blocks }
         })
+    }
+
+    /// A mesh's triangles where it itself has them, as of instance 0.
+    fn object_triangles(&self, range: MeshRange) -> impl Iterator<Item = WorldTriangle> + '_ {
+        (0..range.triangle_count).map(move |primitive| {
+            let index = (range.first_triangle + primitive) as usize;
+            let vertices = self.triangles[index].map(|corner| self.positions[corner as usize]);
+            WorldTriangle { vertices, instance: 0, primitive, blocks: self.source[index].blocks }
+        })
+    }
+
+    /// Whether anything is to move.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.instances.iter().any(|placed| placed.moves)
     }
 
     /// The largest number that enters the computation of a world position (m): world coordinates, and of
@@ -356,8 +387,9 @@ fn at_most(what: &'static str, count: u64, limit: u64) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Instance, Mesh};
+    use crate::scene::Mesh;
     use glam::vec3;
+    use std::sync::Arc;
 
     fn mesh(height: f32, materials: &[u32]) -> Mesh {
         let at = |i: usize| vec3(i as f32, height, 0.0);
@@ -371,10 +403,12 @@ mod tests {
 
     fn scene(instances: &[(u32, Affine3A)]) -> Scene {
         Scene {
-            meshes: vec![mesh(0.0, &[0, 1, 0]), mesh(1.0, &[1, 0]), mesh(2.0, &[0]), mesh(3.0, &[0])],
+            meshes: [mesh(0.0, &[0, 1, 0]), mesh(1.0, &[1, 0]), mesh(2.0, &[0]), mesh(3.0, &[0])]
+                .map(Arc::new)
+                .to_vec(),
             instances: instances
                 .iter()
-                .map(|&(mesh, transform)| Instance { name: String::new(), mesh, transform })
+                .map(|&(mesh, transform)| Instance { name: String::new(), mesh, transform, moves: false })
                 .collect(),
             materials: vec![
                 Material::default(),
@@ -401,8 +435,8 @@ mod tests {
         assert_eq!(
             geometry.instances[1..],
             [
-                Placed { mesh: 1, transform: up, instance: 1 },
-                Placed { mesh: 1, transform: mirror, instance: 3 }
+                Placed { mesh: 1, transform: up, instance: 1, moves: false },
+                Placed { mesh: 1, transform: mirror, instance: 3, moves: false }
             ]
         );
         let sources: Vec<_> = geometry.source.iter().map(|s| (s.mesh, s.triangle, s.instance)).collect();
@@ -443,7 +477,7 @@ mod tests {
         let merged = Geometry::of(&scene(&[(2, far)])).unwrap();
         assert_eq!(merged.largest_coordinate(), 100_002.0);
         let mut scene = scene(&[(2, back), (2, back)]);
-        scene.meshes[2].positions.iter_mut().for_each(|p| p.y += 1e5);
+        scene.mesh_mut(2).positions.iter_mut().for_each(|p| p.y += 1e5);
         let placed = Geometry::of(&scene).unwrap();
         assert_eq!(placed.largest_coordinate(), 200_002.0);
         assert_eq!(placed.ray_epsilon(), OFFSET_ULPS * f32::EPSILON * 200_002.0);

@@ -423,7 +423,12 @@ mod tests {
             triangles: (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
             source: vec![Source::default(); triangles.len()],
             meshes: vec![MeshRange { first_triangle: 0, triangle_count: count, masked_from: count }],
-            instances: vec![Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX }],
+            instances: vec![Placed {
+                mesh: 0,
+                transform: Affine3A::IDENTITY,
+                instance: u32::MAX,
+                moves: false,
+            }],
         }
     }
 

@@ -2,7 +2,7 @@ use super::boxes::{BoxOptions, Boxes};
 use super::hardware::{Hardware, HardwareBoxes};
 use super::{
     Error, Geometry, StructureReport,
-    levels::{self, Meshes},
+    levels::{self, Meshes, Places},
     software::{MAX_STACK_DEPTH, SoftwareBoxes, SoftwareBvh},
     upload,
 };
@@ -24,12 +24,13 @@ pub struct Arrangement {
 /// Whether placements have a level of their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Levels {
-    /// Where it [saves much memory](levels::worthwhile).
+    /// Where something [is to move](crate::scene::Instance::moves), for what does; for all where that [saves much
+    /// memory](levels::worthwhile).
     #[default]
-    ByMemory,
+    AsNeeded,
     /// Never.
     One,
-    /// Always.
+    /// For all placements.
     Two,
 }
 
@@ -50,8 +51,8 @@ enum Built {
 #[derive(Debug)]
 struct Software {
     /// Absent where two levels hold no triangle.
-    nodes: Option<vk::Buffer>,
-    triangles: Option<vk::Buffer>,
+    nodes: Option<Arc<vk::Buffer>>,
+    triangles: Option<Arc<vk::Buffer>>,
     top: Option<SoftwareTop>,
     stack_depth: u32,
     whole: bool,
@@ -61,6 +62,8 @@ struct Software {
 struct SoftwareTop {
     nodes: vk::Buffer,
     placements: Option<vk::Buffer>,
+    /// Where something is to move.
+    places: Option<Places>,
 }
 
 impl Software {
@@ -71,31 +74,41 @@ impl Software {
     ) -> Result<(Self, Vec<StructureReport>), Error> {
         let Arrangement { whole, levels } = arrangement;
         let start = Instant::now();
-        if levels == Levels::Two || levels == Levels::ByMemory && levels::worthwhile(geometry) {
-            let meshes = Meshes::build(geometry, !whole)?;
+        let each = levels == Levels::Two || levels == Levels::AsNeeded && levels::worthwhile(geometry);
+        if each || levels == Levels::AsNeeded && geometry.moves() {
+            let meshes = Meshes::build(geometry, !whole, each)?;
             let bytes = size_of_val(&meshes.nodes[..]) + size_of_val(&meshes.triangles[..]);
             fits(device, geometry, bytes as u64)?;
-            let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?;
-            let triangles = upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?;
+            let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?.map(Arc::new);
+            let triangles =
+                upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?.map(Arc::new);
             let lower = report(Backend::Software.name(), start, bytes, geometry.triangles.len() as u64);
-            let start = Instant::now();
-            let top = meshes.top()?;
-            let buffers = SoftwareTop {
-                nodes: device.upload("bvh.top", bytemuck::cast_slice(&top.nodes))?,
-                placements: upload(device, "bvh.placements", bytemuck::cast_slice(&top.placements))?,
-            };
-            let bytes = size_of_val(&top.nodes[..]) + size_of_val(&top.placements[..]);
-            let upper = report("software-top", start, bytes, top.placements.len() as u64);
-            let stack_depth = meshes.stack_depth(&top);
-            let built = Self { nodes, triangles, top: Some(buffers), stack_depth, whole };
+            let (top, stack_depth, upper) = SoftwareTop::build(device, meshes.places)?;
+            let built = Self { nodes, triangles, top: Some(top), stack_depth, whole };
             return Ok((built, vec![lower, upper]));
         }
         let bvh = SoftwareBvh::build(geometry, !whole, device.info().memory_bytes)?;
-        let nodes = upload(device, "bvh.nodes", bvh.node_bytes())?;
-        let triangles = upload(device, "bvh.triangles", bvh.triangle_bytes())?;
+        let nodes = upload(device, "bvh.nodes", bvh.node_bytes())?.map(Arc::new);
+        let triangles = upload(device, "bvh.triangles", bvh.triangle_bytes())?.map(Arc::new);
         let bytes = bvh.bytes() as usize;
         let report = report(Backend::Software.name(), start, bytes, geometry.world_triangle_count());
         Ok((Self { nodes, triangles, top: None, stack_depth: bvh.stack_depth, whole }, vec![report]))
+    }
+}
+
+impl SoftwareTop {
+    /// With what kernels must set `STACK_DEPTH` to.
+    fn build(device: &vk::Device, places: Places) -> Result<(Self, u32, StructureReport), Error> {
+        let start = Instant::now();
+        let top = places.top()?;
+        let stack_depth = places.stack_depth(&top);
+        let built = Self {
+            nodes: device.upload("bvh.top", bytemuck::cast_slice(&top.nodes))?,
+            placements: upload(device, "bvh.placements", bytemuck::cast_slice(&top.placements))?,
+            places: places.move_any().then_some(places),
+        };
+        let bytes = size_of_val(&top.nodes[..]) + size_of_val(&top.placements[..]);
+        Ok((built, stack_depth, report("software-top", start, bytes, top.placements.len() as u64)))
     }
 }
 
@@ -159,6 +172,42 @@ impl Structure {
         }
         let (software, reports) = Software::build(device, geometry, arrangement)?;
         Ok(Self { built: Arc::new(Built::Software(software)), boxes: None, reports })
+    }
+
+    /// The same with what moves placed as `geometry` has it, of which nothing else has changed: the top level alone is built
+    /// anew. None where that does not do. Structures over boxes are left out.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn moved(&self, device: &vk::Device, geometry: &Geometry) -> Result<Option<Self>, Error> {
+        let (built, report) = match &*self.built {
+            Built::Hardware(hardware) => {
+                let (hardware, report) = hardware.moved(device, geometry)?;
+                (Built::Hardware(hardware), report)
+            }
+            Built::Software(Software { nodes, triangles, top: Some(top), whole, .. }) => {
+                let Some(places) = top.places.as_ref().and_then(|places| places.moved(geometry)) else {
+                    return Ok(None);
+                };
+                let (top, stack_depth, report) = SoftwareTop::build(device, places)?;
+                let (nodes, triangles) = (nodes.clone(), triangles.clone());
+                (
+                    Built::Software(Software {
+                        nodes,
+                        triangles,
+                        top: Some(top),
+                        stack_depth,
+                        whole: *whole,
+                    }),
+                    report,
+                )
+            }
+            Built::Software(_) => return Ok(None),
+        };
+        let kept =
+            self.reports.iter().filter(|known| known.name != report.name && !known.name.starts_with("boxes"));
+        let reports = kept.cloned().chain([report.clone()]).collect();
+        Ok(Some(Self { built: Arc::new(built), boxes: None, reports }))
     }
 
     /// Whether the boxes of all leaves bound whole triangles in the world, as visibility by leaves' boxes needs.
@@ -235,9 +284,10 @@ impl Structure {
     /// Fills in the addresses that kernels traverse.
     pub fn describe(&self, data: &mut SceneData) {
         let address = |buffer: &Option<vk::Buffer>| buffer.as_ref().map_or(0, vk::Buffer::address);
+        let shared = |buffer: &Option<Arc<vk::Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
         if let Built::Software(Software { nodes, triangles, top, .. }) = &*self.built {
-            data.bvh_nodes = address(nodes);
-            data.bvh_triangles = address(triangles);
+            data.bvh_nodes = shared(nodes);
+            data.bvh_triangles = shared(triangles);
             data.bvh_top = top.as_ref().map_or(0, |top| top.nodes.address());
             data.bvh_placements = top.as_ref().map_or(0, |top| address(&top.placements));
         }

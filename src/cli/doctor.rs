@@ -12,6 +12,7 @@ use crate::vk::Backend;
 use crate::vk::{self, DeviceInfo, DeviceKind, DeviceOptions};
 use glam::Vec3;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// What was found out about one device.
 #[derive(serde::Serialize)]
@@ -116,14 +117,19 @@ fn wall() -> Scene {
     let corner = |x, y| Vec3::new(x, y, -WALL);
     Scene {
         name: "doctor".into(),
-        meshes: vec![Mesh {
+        meshes: vec![Arc::new(Mesh {
             name: "wall".into(),
             positions: vec![corner(-3.0, -3.0), corner(3.0, -3.0), corner(0.0, 3.0)],
             triangles: vec![[0, 1, 2]],
             materials: vec![0],
             ..Mesh::default()
+        })],
+        instances: vec![Instance {
+            name: "wall".into(),
+            mesh: 0,
+            transform: glam::Affine3A::IDENTITY,
+            moves: false,
         }],
-        instances: vec![Instance { name: "wall".into(), mesh: 0, transform: glam::Affine3A::IDENTITY }],
         materials: vec![Material::diffuse("wall", Vec3::splat(0.5))],
         ..Scene::default()
     }

@@ -11,6 +11,7 @@ use crate::vk::{self, DeviceOptions};
 use glam::Vec3;
 use std::ffi::OsString;
 use std::path::Path;
+use std::sync::Arc;
 
 /// What to call the scene while it is not loaded.
 pub(super) fn name(args: &Common) -> String {
@@ -100,7 +101,7 @@ pub(super) fn load_with(
     if args.eye.is_some() {
         scene.notes.retain(|note| note != FRAMED);
     }
-    scene.environment = environment.or(scene.environment);
+    scene.environment = environment.map(Arc::new).or(scene.environment);
     let shines = |scene: &Scene| {
         scene.environment.is_some() || scene.may_shine() || SceneProfile::of(scene, 0.0).emission
     };

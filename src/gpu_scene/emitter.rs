@@ -122,7 +122,8 @@ fn mean_texel(image: &Image, texture: &TextureRef, corners: [Vec2; 3], decode: &
 }
 
 /// How directions to an environment are chosen: rows, then columns of each, in proportion to solid angle times mean
-/// luminance of a texel, bilinear interpolation included.
+/// luminance of a texel, bilinear interpolation included. Empty of no light.
+#[derive(Default)]
 pub(super) struct EnvironmentTable {
     /// Cumulative probability of rows.
     pub(super) rows: Vec<f32>,

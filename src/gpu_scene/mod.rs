@@ -18,6 +18,7 @@ use crate::vk;
 use emitter::{Emitter, EnvironmentTable, orientation};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use light_tree::{Bounds, DELTA_ROOT, EMITTER_ROOT, JOINT_ROOT, Subtree};
+use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -31,17 +32,16 @@ const LEAST_SHARE: f64 = 0.25;
 /// Buffers that live as long as the scene, and their addresses.
 #[derive(Clone, Debug)]
 pub struct GpuScene {
-    buffers: Vec<Arc<vk::Buffer>>,
-    lights: Option<Arc<vk::Buffer>>,
-    light_choices: Option<Arc<vk::Buffer>>,
-    light_nodes: Option<Arc<vk::Buffer>>,
+    /// By name; images by number, too.
+    buffers: BTreeMap<String, Arc<vk::Buffer>>,
     emitters: Arc<[Emitter]>,
     emitter_tree: Arc<Subtree>,
     /// Whether any material emits.
     emission: bool,
-    /// Power of the environment (W, all channels), and of what of it exceeds its mean; 0 without one.
-    environment_power: f64,
-    excess_power: f64,
+    /// What of the environment falls on a square metre of any plane's two sides (W, all channels), and what of it exceeds its
+    /// mean; 0 without one.
+    environment_flux: f64,
+    excess_flux: f64,
     /// Whether lobes may be sampled beside an environment.
     lobes: bool,
     /// Addresses and constants of the scene; camera and frame are the renderer's to fill in.
@@ -55,20 +55,15 @@ impl GpuScene {
     /// Out of device memory, naming the array.
     pub fn upload(device: &vk::Device, scene: &Scene, geometry: &Geometry) -> Result<Self, vk::Error> {
         let mut gpu = Self {
-            buffers: Vec::new(),
-            lights: None,
-            light_choices: None,
-            light_nodes: None,
+            buffers: BTreeMap::new(),
             emitters: Arc::default(),
             emitter_tree: Arc::default(),
-            emission: scene.materials.iter().any(|m| !m.unlit && m.emission != Vec3::ZERO),
-            environment_power: 0.0,
-            excess_power: 0.0,
-            // Any threshold of what is a mirror may follow.
-            lobes: scene.environment.is_some() && SceneProfile::of(scene, 0.0).rough_lobes,
+            emission: false,
+            environment_flux: 0.0,
+            excess_flux: 0.0,
+            lobes: false,
             data: SceneData::default(),
         };
-        gpu.data.instances = gpu.array(device, "scene.instances", &instances(geometry))?;
         gpu.data.triangles = gpu.array(device, "scene.triangles", &triangles(scene, geometry))?;
         gpu.data.positions = gpu.array(device, "scene.positions", &geometry.positions)?;
         let attributes = Attributes::of(scene, geometry);
@@ -77,43 +72,90 @@ impl GpuScene {
         gpu.data.uv1 = gpu.array(device, "scene.uv1", &attributes.uv1)?;
         gpu.data.colors = gpu.array(device, "scene.colors", &attributes.colors)?;
         gpu.data.tangents = gpu.array(device, "scene.tangents", &tangents(scene, geometry))?;
-        let (materials, textures) = gpu.materials(device, scene)?;
-        gpu.data.materials = gpu.array(device, "scene.materials", &materials)?;
-        gpu.data.textures = gpu.array(device, "scene.textures", &textures)?;
         gpu.data.triangle_count = u32::try_from(geometry.world_triangle_count()).unwrap_or(u32::MAX);
-        gpu.data.ray_epsilon = geometry.ray_epsilon();
-        let (low, high) = scene.bounds().unwrap_or_default();
-        gpu.data.scene_center = ((low + high) * 0.5).to_array();
-        gpu.data.scene_radius = 0.5 * low.distance(high);
-        let weights = emitter::weights(scene, geometry);
-        gpu.data.emission_weights = gpu.array(device, "scene.emission_weights", &weights)?;
-        gpu.emitters = emitter::emitters(scene, geometry, &weights).into();
-        gpu.emitter_tree = Arc::new(Subtree::of(&gpu.emitters.iter().map(|e| e.bounds).collect::<Vec<_>>()));
-        let leaves = leaves_by_triangle(geometry, &gpu.emitters, &gpu.emitter_tree);
-        gpu.data.emitter_leaves = gpu.array(device, "scene.emitter_leaves", &leaves)?;
-        if let Some(environment) = &scene.environment {
-            gpu.environment(device, environment)?;
-        }
+        gpu.place(device, scene.bounds(), geometry)?;
+        gpu.set_materials(device, scene)?;
+        gpu.shine(device, scene, geometry)?;
         gpu.set_lights(device, &scene.lights)?;
         Ok(gpu)
     }
 
+    /// Replaces where instances are, and the extent that follows from it (`bounds`, m). What shines is to be set anew.
+    ///
+    /// # Errors
+    /// Out of device memory.
+    pub fn place(
+        &mut self,
+        device: &vk::Device,
+        bounds: Option<(Vec3, Vec3)>,
+        geometry: &Geometry,
+    ) -> Result<(), vk::Error> {
+        self.data.instances = self.array(device, "scene.instances", &instances(geometry))?;
+        self.data.ray_epsilon = geometry.ray_epsilon();
+        let (low, high) = bounds.unwrap_or_default();
+        self.data.scene_center = ((low + high) * 0.5).to_array();
+        self.data.scene_radius = 0.5 * low.distance(high);
+        Ok(())
+    }
+
+    /// Replaces materials and what they need of images and the environment. What shines is to be set anew.
+    ///
+    /// # Errors
+    /// Out of device memory.
+    pub fn set_materials(&mut self, device: &vk::Device, scene: &Scene) -> Result<(), vk::Error> {
+        let (materials, textures) = self.materials(device, scene)?;
+        self.data.materials = self.array(device, "scene.materials", &materials)?;
+        self.data.textures = self.array(device, "scene.textures", &textures)?;
+        self.emission = scene.materials.iter().any(|m| !m.unlit && m.emission != Vec3::ZERO);
+        // Any threshold of what is a mirror may follow.
+        let lobes = scene.environment.is_some() && SceneProfile::of(scene, 0.0).rough_lobes;
+        let known = self.data.environment != 0 && lobes == self.lobes;
+        self.lobes = lobes;
+        match &scene.environment {
+            Some(environment) if !known => self.environment(device, environment),
+            _ => Ok(()),
+        }
+    }
+
+    /// Replaces tables of the triangles that emit. Lights are to be set anew.
+    ///
+    /// # Errors
+    /// Out of device memory.
+    pub fn shine(
+        &mut self,
+        device: &vk::Device,
+        scene: &Scene,
+        geometry: &Geometry,
+    ) -> Result<(), vk::Error> {
+        let weights = emitter::weights(scene, geometry);
+        self.data.emission_weights = self.array(device, "scene.emission_weights", &weights)?;
+        self.emitters = emitter::emitters(scene, geometry, &weights).into();
+        self.emitter_tree =
+            Arc::new(Subtree::of(&self.emitters.iter().map(|e| e.bounds).collect::<Vec<_>>()));
+        let leaves = leaves_by_triangle(geometry, &self.emitters, &self.emitter_tree);
+        self.data.emitter_leaves = self.array(device, "scene.emitter_leaves", &leaves)?;
+        Ok(())
+    }
+
+    /// Whether any triangle of these instances of the scene emits, which are to move.
+    pub(crate) fn shines(&self, geometry: &Geometry, moved: impl Fn(usize) -> bool) -> bool {
+        let placed = |emitter: &Emitter| &geometry.instances[emitter.instance as usize];
+        self.emitters.iter().map(placed).any(|placed| placed.moves && moved(placed.instance as usize))
+    }
+
     fn environment(&mut self, device: &vk::Device, environment: &Environment) -> Result<(), vk::Error> {
+        let table = EnvironmentTable::of(environment);
+        let excess = table.as_ref().filter(|_| self.lobes).and_then(|table| table.of_excess(environment));
         self.data.environment = self.array(device, "environment", &environment.texels)?;
         self.data.environment_size = [environment.width, environment.height];
-        if let Some(table) = EnvironmentTable::of(environment) {
-            self.data.environment_rows = self.array(device, "environment.rows", &table.rows)?;
-            self.data.environment_columns = self.array(device, "environment.columns", &table.columns)?;
-            // What falls on the disc through the bounding sphere, from all around.
-            let disc = f64::from(PI * self.data.scene_radius.powi(2));
-            self.environment_power = table.flux * disc;
-            if let Some(excess) = self.lobes.then(|| table.of_excess(environment)).flatten() {
-                self.data.excess_rows = self.array(device, "environment.excess_rows", &excess.rows)?;
-                self.data.excess_columns =
-                    self.array(device, "environment.excess_columns", &excess.columns)?;
-                self.excess_power = excess.flux * disc;
-            }
-        }
+        let table = table.unwrap_or_default();
+        self.data.environment_rows = self.array(device, "environment.rows", &table.rows)?;
+        self.data.environment_columns = self.array(device, "environment.columns", &table.columns)?;
+        self.environment_flux = table.flux;
+        let excess = excess.unwrap_or_default();
+        self.data.excess_rows = self.array(device, "environment.excess_rows", &excess.rows)?;
+        self.data.excess_columns = self.array(device, "environment.excess_columns", &excess.columns)?;
+        self.excess_flux = excess.flux;
         Ok(())
     }
 
@@ -123,20 +165,16 @@ impl GpuScene {
     /// Out of device memory.
     pub fn set_lights(&mut self, device: &vk::Device, lights: &[Light]) -> Result<(), vk::Error> {
         let records = light_records(lights, self.data.scene_radius);
-        let buffer = match &records[..] {
-            [] => None,
-            records => Some(Arc::new(device.upload("scene.lights", bytemuck::cast_slice(records))?)),
-        };
         self.data.light_count = records.len() as u32;
-        self.data.lights = buffer.as_ref().map_or(0, |buffer| buffer.address());
-        self.lights = buffer;
+        self.data.lights = self.array(device, "scene.lights", &records)?;
 
         let mut powers: Vec<_> = records.iter().map(|record| (0, 0, power(record))).collect();
         powers.extend(self.emitters.iter().map(|e| (e.instance, e.primitive, e.power)));
-        // Positive also in a scene without extent.
-        let environment = |rows, power: f64| (rows != 0).then(|| (0, 0, power.max(f64::MIN_POSITIVE)));
-        let all = environment(self.data.environment_rows, self.environment_power);
-        let excess = environment(self.data.excess_rows, self.excess_power);
+        // What falls on the disc through the bounding sphere, from all around; positive also in a scene without extent.
+        let disc = f64::from(PI * self.data.scene_radius.powi(2));
+        let environment = |rows, flux: f64| (rows != 0).then(|| (0, 0, (flux * disc).max(f64::MIN_POSITIVE)));
+        let all = environment(self.data.environment_rows, self.environment_flux);
+        let excess = environment(self.data.excess_rows, self.excess_flux);
         let emitters = powers[records.len()..].to_vec();
         powers.extend(all);
         let (mut choices, inverse_power) = emitter::choices(&powers);
@@ -158,15 +196,10 @@ impl GpuScene {
         if self.emission || self.data.light_count > MOST_ASKED_LIGHTS {
             self.light_tree(device, &records, &mut choices, all, excess)?;
         } else {
-            (self.light_nodes, self.data.light_nodes) = (None, 0);
+            self.data.light_nodes = self.array::<u8>(device, "scene.light_nodes", &[])?;
         }
-        let buffer = match &choices[..] {
-            [] => None,
-            choices => Some(Arc::new(device.upload("scene.light_choices", bytemuck::cast_slice(choices))?)),
-        };
-        self.data.light_choices = buffer.as_ref().map_or(0, |buffer| buffer.address());
+        self.data.light_choices = self.array(device, "scene.light_choices", &choices)?;
         self.data.inverse_power = inverse_power;
-        self.light_choices = buffer;
         Ok(())
     }
 
@@ -213,9 +246,7 @@ impl GpuScene {
         self.data.all_lights = set(true, environment);
         self.data.sampled_lights = set(sampled, environment);
         self.data.lights_beside_lobes = set(sampled, excess);
-        let buffer = device.upload("scene.light_nodes", bytemuck::cast_slice(&nodes))?;
-        self.data.light_nodes = buffer.address();
-        self.light_nodes = Some(Arc::new(buffer));
+        self.data.light_nodes = self.array(device, "scene.light_nodes", &nodes)?;
         Ok(())
     }
 
@@ -227,11 +258,19 @@ impl GpuScene {
     /// Bytes on the device.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let of_lights = self.lights.iter().chain(&self.light_choices).chain(&self.light_nodes);
-        self.buffers.iter().chain(of_lights).map(|buffer| buffer.size()).sum()
+        self.buffers.values().map(|buffer| buffer.size()).sum()
     }
 
-    /// The address of a new buffer with these elements; 0 where there are none.
+    /// Bytes that were uploaded since it was `other`.
+    #[must_use]
+    pub fn bytes_beside(&self, other: &Self) -> u64 {
+        let is_new = |&(name, buffer): &(&String, &Arc<vk::Buffer>)| {
+            other.buffers.get(name).is_none_or(|known| !Arc::ptr_eq(known, buffer))
+        };
+        self.buffers.iter().filter(is_new).map(|(_, buffer)| buffer.size()).sum()
+    }
+
+    /// The address of a new buffer with these elements, in place of the one of that name; 0 where there are none.
     fn array<T: bytemuck::Pod>(
         &mut self,
         device: &vk::Device,
@@ -239,11 +278,12 @@ impl GpuScene {
         data: &[T],
     ) -> Result<u64, vk::Error> {
         if data.is_empty() {
+            self.buffers.remove(name);
             return Ok(0);
         }
         let buffer = device.upload(name, bytemuck::cast_slice(data))?;
         let address = buffer.address();
-        self.buffers.push(Arc::new(buffer));
+        self.buffers.insert(name.to_owned(), Arc::new(buffer));
         Ok(address)
     }
 
@@ -252,7 +292,6 @@ impl GpuScene {
         device: &vk::Device,
         scene: &Scene,
     ) -> Result<(Vec<shaders::Material>, Vec<shaders::Texture>), vk::Error> {
-        let mut texels = vec![None; scene.images.len()];
         let mut textures = Vec::new();
         let mut materials = Vec::new();
         for material in &scene.materials {
@@ -263,11 +302,11 @@ impl GpuScene {
                     continue;
                 }
                 let image = &scene.images[texture.image as usize];
-                let address = match texels[texture.image as usize] {
-                    Some(address) => address,
-                    None => self.array(device, &format!("image {}", image.name), &image.texels)?,
+                let name = format!("image {} {}", texture.image, image.name);
+                let address = match self.buffers.get(&name) {
+                    Some(known) => known.address(),
+                    None => self.array(device, &name, &image.texels)?,
                 };
-                texels[texture.image as usize] = Some(address);
                 *texture_slot(&mut record, usage) = textures.len() as u32;
                 let mut flags = if usage.is_srgb() { TEXTURE_SRGB } else { 0 };
                 if !image.low_bytes().is_empty() {

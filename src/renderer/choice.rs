@@ -49,7 +49,7 @@ impl Renderer {
         // Visibility by leaves' boxes needs whole triangles in the world.
         let levels = if software_only { Levels::One } else { options.levels };
         let arrangement = Arrangement { whole: software_only, levels };
-        Self::of(Arc::new(Prepared::new(device, scene, backend, reason, arrangement)?))
+        Self::of(Arc::new(Prepared::new(device, scene.into(), backend, reason, arrangement)?))
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod choice;
 mod drawing;
+mod edit;
 mod error;
 mod finite;
 mod frame;
@@ -23,12 +24,13 @@ mod window;
 pub use crate::layer::Layer;
 pub use crate::methods::Aov;
 pub use choice::{Timing, cached_timing};
+pub use edit::{Invalidated, Redone};
 pub use error::Error;
 pub use finite::NotFinite;
 pub use frame::{Denoised, Frame, PassStats};
 pub use growing::noise;
 pub use plan::plan;
-pub use prepared::{Invalidated, Prepared};
+pub use prepared::Prepared;
 pub use request::{BackendChoice, FrameRequest, Preview, Progress, RendererOptions, Resume};
 pub use stepper::Stepper;
 pub use submit::Renderer;

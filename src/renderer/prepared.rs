@@ -2,12 +2,13 @@
 //! clone and to edit: an edit replaces what it changes and shares the rest.
 
 use super::drawing::modelling;
+use super::edit::{Difference, Invalidated, Movable, Redone};
 use super::error::Error;
 use crate::accel::boxes::BoxOptions;
 use crate::accel::{Arrangement, Geometry, Structure, StructureReport};
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
-use crate::scene::{Feature, Light, Scene, SceneProfile};
+use crate::scene::{Feature, Scene, SceneProfile};
 use crate::shaders::SceneData;
 use crate::techniques::Kernels;
 use crate::techniques::indirect::Visibility;
@@ -24,6 +25,8 @@ pub struct Prepared {
     /// By mirror roughness, its bits.
     profiles: Mutex<Vec<(u32, SceneProfile)>>,
     area: f32,
+    /// Where something is to move.
+    movable: Option<Movable>,
     /// Where kernels' coordinates begin, in the file's and in those of `scene` (m).
     origin: DVec3,
     offset: DVec3,
@@ -41,17 +44,6 @@ pub(super) struct Resident {
     gpu: GpuScene,
 }
 
-/// What an edit makes worthless.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Invalidated {
-    /// Pictures drawn before, and what a progressive one has come to.
-    pub pictures: bool,
-    /// The pipelines: the scene needs others than before.
-    pub pipelines: bool,
-    /// The structures that rays are traced in.
-    pub structures: bool,
-}
-
 impl Clone for Prepared {
     fn clone(&self) -> Self {
         Self {
@@ -59,6 +51,7 @@ impl Clone for Prepared {
             resident: Arc::clone(&self.resident),
             profiles: Mutex::new(self.profiles.lock().unwrap_or_else(PoisonError::into_inner).clone()),
             area: self.area,
+            movable: self.movable.clone(),
             origin: self.origin,
             offset: self.offset,
             revision: self.revision,
@@ -77,7 +70,7 @@ impl Prepared {
     /// Too much geometry for the device, or too little memory.
     pub(super) fn new(
         device: &vk::Device,
-        scene: Scene,
+        scene: Arc<Scene>,
         backend: Backend,
         reason: String,
         arrangement: Arrangement,
@@ -86,11 +79,13 @@ impl Prepared {
         let geometry = Geometry::of(&near)?;
         let gpu = GpuScene::upload(device, &near, &geometry)?;
         let structure = Structure::build(device, backend, &geometry, arrangement)?;
+        let movable = geometry.moves().then(|| Movable::of(&near, geometry));
         Ok(Self {
-            area: near.area() as f32,
+            area: movable.as_ref().map_or_else(|| near.area() as f32, Movable::area),
+            movable,
             origin: near.origin,
             offset: near.origin - scene.origin,
-            scene: Arc::new(scene),
+            scene: Arc::clone(&scene),
             resident: Arc::new(Resident { structure, gpu }),
             profiles: Mutex::default(),
             revision: next_revision(),
@@ -101,13 +96,119 @@ impl Prepared {
         })
     }
 
-    /// Another scene in its place, on the same device and backend.
+    /// Puts another scene in its place, of which it redoes what differs: see [`Renderer::edit`](super::Renderer::edit).
     ///
     /// # Errors
-    /// An invalid scene, too much geometry for the device, or too little memory.
-    pub(super) fn of_scene(&self, scene: Scene) -> Result<Self, Error> {
+    /// An invalid scene, too much geometry for the device, or too little memory. Then all stays as it was.
+    pub fn set_scene(&mut self, scene: Scene) -> Result<Invalidated, Error> {
+        let scene = Arc::new(scene);
+        let difference = Difference::between(&self.scene, &scene);
+        if let Some(invalidated) = self.set_parts(&scene, difference)? {
+            return Ok(invalidated);
+        }
         scene.validate()?;
-        Self::new(&self.device, scene, self.backend, self.reason.clone(), self.arrangement)
+        let new = Self::new(&self.device, scene, self.backend, self.reason.clone(), self.arrangement)?;
+        let traversal = |prepared: &Self| prepared.resident.structure.traversal();
+        let known = std::mem::take(self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner));
+        let other =
+            |(roughness, profile): &(u32, SceneProfile)| new.profile(f32::from_bits(*roughness)) != *profile;
+        let pipelines = known.iter().any(other) || traversal(self) != traversal(&new);
+        *self = new;
+        let bytes = self.resident.gpu.bytes();
+        Ok(Invalidated { pictures: true, pipelines, structures: Redone::All, bytes })
+    }
+
+    /// Redoes what differs; does nothing where that is all.
+    fn set_parts(
+        &mut self,
+        scene: &Arc<Scene>,
+        difference: Difference,
+    ) -> Result<Option<Invalidated>, Error> {
+        if difference.rest {
+            return Ok(None);
+        }
+        if difference.lights {
+            Scene::validate_lights(&scene.lights)?;
+        }
+        if difference.materials {
+            scene.validate_materials()?;
+        }
+        if difference.cameras {
+            scene.validate_cameras()?;
+        }
+        let mut movable = self.movable.take();
+        let redone = self.redo(scene, difference, movable.as_mut());
+        if !matches!(redone, Ok(Some(_))) && difference.places {
+            movable.iter_mut().for_each(|movable| movable.place(&self.scene));
+        }
+        self.movable = movable;
+        let Some((resident, structures)) = redone? else { return Ok(None) };
+        let bytes = resident.gpu.bytes_beside(&self.resident.gpu);
+        let traversal = |resident: &Resident| resident.structure.traversal();
+        let mut pipelines = traversal(&resident) != traversal(&self.resident);
+        for (roughness, profile) in self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner) {
+            let mut renewed = profile.clone();
+            if difference.materials || difference.places && profile.panes {
+                renewed = SceneProfile::of(scene, f32::from_bits(*roughness));
+            } else if difference.lights {
+                renewed.set_lights(&scene.lights);
+            }
+            pipelines |= renewed != *profile;
+            *profile = renewed;
+        }
+        let pictures = Difference { cameras: false, ..difference } != Difference::default();
+        if difference.places {
+            self.area = self.movable.as_ref().map_or(self.area, Movable::area);
+        }
+        if pictures {
+            self.revision = next_revision();
+        }
+        self.resident = Arc::new(resident);
+        self.scene = Arc::clone(scene);
+        Ok(Some(Invalidated { pictures, pipelines, structures, bytes }))
+    }
+
+    /// What is resident of `scene`; none where all is to be redone.
+    fn redo(
+        &self,
+        scene: &Scene,
+        difference: Difference,
+        movable: Option<&mut Movable>,
+    ) -> Result<Option<(Resident, Redone)>, Error> {
+        let Difference { lights, materials, emission, places, .. } = difference;
+        let Resident { mut structure, mut gpu } = Resident::clone(&self.resident);
+        let mut structures = Redone::Nothing;
+        let (mut shine, mut lit) = (emission, lights || materials);
+        let moved = movable.filter(|_| places);
+        if places {
+            let Some(movable) = moved.filter(|_| self.offset == DVec3::ZERO) else { return Ok(None) };
+            movable.place(scene);
+            let bounds = movable.bounds();
+            scene.validate_places(movable.places(scene), bounds.unwrap_or_default())?;
+            if !movable.is_near_origin(scene) {
+                return Ok(None);
+            }
+            let Some(moved) = structure.moved(&self.device, &movable.geometry)? else { return Ok(None) };
+            structure = moved;
+            structures = Redone::Top;
+            let radius = gpu.data.scene_radius;
+            gpu.place(&self.device, bounds, &movable.geometry)?;
+            lit |= radius != gpu.data.scene_radius;
+            let moved = |i: usize| self.scene.instances[i].transform != scene.instances[i].transform;
+            shine |= gpu.shines(&movable.geometry, moved);
+        }
+        if materials {
+            gpu.set_materials(&self.device, scene)?;
+        }
+        if shine {
+            let near = scene.near_origin();
+            gpu.shine(&self.device, &near, &Geometry::of(&near)?)?;
+        }
+        if lit || shine {
+            let near: Vec<_> = scene.lights.iter().map(|light| light.moved(-self.offset)).collect();
+            gpu.set_lights(&self.device, &near)?;
+        }
+        Ok(Some((Resident { structure, gpu }, structures)))
     }
 
     /// The scene as it is now.
@@ -217,27 +318,6 @@ impl Prepared {
         Feature::ALL.iter().copied().filter(costs).collect()
     }
 
-    /// Replaces the lights; geometry, materials and structures stay as they are, and so does all else where this fails.
-    ///
-    /// # Errors
-    /// A light with NaN, infinite or negative values, or too little memory.
-    pub fn set_lights(&mut self, lights: Vec<Light>) -> Result<Invalidated, Error> {
-        Scene::validate_lights(&lights)?;
-        let mut gpu = self.resident.gpu.clone();
-        let near: Vec<_> = lights.iter().map(|light| light.moved(-self.offset)).collect();
-        gpu.set_lights(&self.device, &near)?;
-        let mut pipelines = false;
-        for (_, profile) in self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner) {
-            let before = profile.clone();
-            profile.set_lights(&lights);
-            pipelines |= *profile != before;
-        }
-        self.resident = Arc::new(Resident { structure: self.resident.structure.clone(), gpu });
-        Arc::make_mut(&mut self.scene).lights = lights;
-        self.revision = next_revision();
-        Ok(Invalidated { pictures: true, pipelines, structures: false })
-    }
-
     /// Whether the structures are those that a frame traces rays in.
     pub(super) fn serves(&self, config: &RenderConfig) -> bool {
         let structure = &self.resident.structure;
@@ -263,7 +343,7 @@ impl Prepared {
         }
         let pipelines = structure.traversal() != self.resident.structure.traversal();
         self.resident = Arc::new(Resident { structure, gpu: self.resident.gpu.clone() });
-        Ok(Invalidated { pictures: false, pipelines, structures: true })
+        Ok(Invalidated { pictures: false, pipelines, structures: Redone::All, bytes: 0 })
     }
 
     pub(super) fn resident(&self) -> &Arc<Resident> {

@@ -1,8 +1,9 @@
 //! Graphs on a prepared scene: each is handed to the device with a uniform buffer of its own, so that several can be under
 //! way.
 
+use super::edit::Invalidated;
 use super::error::Error;
-use super::prepared::{Invalidated, Prepared, Resident};
+use super::prepared::{Prepared, Resident};
 use super::window::Window;
 use crate::config::{LightChoice, RenderConfig};
 use crate::gpu_scene::MOST_ASKED_LIGHTS;
@@ -53,22 +54,50 @@ impl Renderer {
         &self.prepared
     }
 
-    /// Replaces the scene, such as by another [pose](crate::scene::Scene::pose): all of it is uploaded and built anew, for the
-    /// same backend; pipelines that serve it as well are kept. Where this fails nothing changes.
+    /// Changes the scene. What has changed decides what is redone:
+    ///
+    /// | edit | shading data that is uploaded | structures | pipelines |
+    /// |---|---|---|---|
+    /// | cameras, names | none | stay | stay |
+    /// | lights | lights, and what they are chosen by | stay | stay unless kinds of light come or go |
+    /// | materials | materials; where emission changes, tables of emissive triangles | stay | stay unless kinds of material come or go |
+    /// | [`Instance::transform`](crate::scene::Instance::transform) where it [is to move](crate::scene::Instance::moves) | a record an instance; where what moves emits, tables of emissive triangles | the level over placements alone; boxes for imperfect visibility all | stay |
+    /// | what rays are blocked by ([`alpha_mode`](crate::scene::Material::alpha_mode), transmission that comes or goes), other instances, meshes, images or environment, a scene that leaves the origin far behind | all | all | stay where they serve |
+    ///
+    /// Meshes, images and the environment are the same as before where their `Arc` is. [`Invalidated`] says what was redone. Where
+    /// this fails nothing changes.
+    ///
+    /// ```no_run
+    /// # fn turn(renderer: &mut parhelion::renderer::Renderer) -> Result<(), parhelion::renderer::Error> {
+    /// let invalidated = renderer.edit(|scene| scene.lights[0].position.x += 0.1)?;
+    /// assert_eq!(invalidated.structures, parhelion::renderer::Redone::Nothing);
+    /// # Ok(())
+    /// # }
+    /// ```
     ///
     /// # Errors
-    /// An invalid scene, too much geometry for the device, or too little memory.
-    pub fn set_scene(&mut self, scene: Scene) -> Result<Invalidated, Error> {
-        self.prepared = Arc::new(self.prepared.of_scene(scene)?);
-        Ok(Invalidated { pictures: true, pipelines: true, structures: true })
+    /// A scene that is invalid now, too much geometry for the device, or too little memory.
+    pub fn edit(&mut self, change: impl FnOnce(&mut Scene)) -> Result<Invalidated, Error> {
+        let mut scene = self.scene().clone();
+        change(&mut scene);
+        self.set_scene(scene)
     }
 
-    /// Replaces the lights; geometry, materials and structures stay as they are, and so does all else where this fails.
+    /// Replaces the scene, such as by another [pose](crate::scene::Scene::pose), and redoes what differs, as [`edit`](Self::edit)
+    /// does.
+    ///
+    /// # Errors
+    /// As for [`edit`](Self::edit).
+    pub fn set_scene(&mut self, scene: Scene) -> Result<Invalidated, Error> {
+        Arc::make_mut(&mut self.prepared).set_scene(scene)
+    }
+
+    /// Replaces the lights alone.
     ///
     /// # Errors
     /// A light with NaN, infinite or negative values, or too little memory.
     pub fn set_lights(&mut self, lights: Vec<Light>) -> Result<Invalidated, Error> {
-        Arc::make_mut(&mut self.prepared).set_lights(lights)
+        self.edit(|scene| scene.lights = lights)
     }
 
     /// Builds the structures that a frame traces rays in, unless they are there.

@@ -292,8 +292,13 @@ pub(crate) fn glass(name: &str, ior: f32, volume: Option<Volume>) -> Material {
 
 pub(crate) fn scene(mesh: Mesh, materials: Vec<Material>, light: Vec3, camera: Camera) -> Scene {
     Scene {
-        instances: vec![Instance { name: mesh.name.clone(), mesh: 0, transform: Affine3A::IDENTITY }],
-        meshes: vec![mesh],
+        instances: vec![Instance {
+            name: mesh.name.clone(),
+            mesh: 0,
+            transform: Affine3A::IDENTITY,
+            moves: false,
+        }],
+        meshes: vec![mesh.into()],
         materials,
         lights: vec![Light {
             name: "light".into(),
@@ -428,7 +433,7 @@ mod tests {
     #[test]
     fn prism_is_a_solid_of_its_apex_angle() {
         for apex in [0.5f32, FRAC_PI_3, FRAC_PI_2] {
-            let mut mesh = prism(apex, 1.5).meshes[0].clone();
+            let mut mesh = Mesh::clone(&prism(apex, 1.5).meshes[0]);
             let kept: Vec<_> = (0..mesh.triangles.len()).filter(|&i| mesh.materials[i] == 1).collect();
             mesh.triangles = kept.into_iter().map(|i| mesh.triangles[i]).collect();
             assert_closed(&mesh);

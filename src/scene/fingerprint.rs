@@ -51,7 +51,8 @@ impl Scene {
             hash.array(&environment.texels);
         }
         // Debug output of floats tells them apart.
-        let rest = (&self.instances, &self.materials, &self.lights, camera.transform, camera.view);
+        let instances: Vec<_> = self.instances.iter().map(|i| (&i.name, i.mesh, i.transform)).collect();
+        let rest = (instances, &self.materials, &self.lights, camera.transform, camera.view);
         // Writing to a hash never fails.
         let _ = write!(hash, "{rest:?}");
         if self.origin != DVec3::ZERO {
@@ -74,7 +75,7 @@ mod tests {
         assert_eq!(print, builtin::by_name("cornell").unwrap().fingerprint(&camera));
         let mut prints = vec![print];
         let mut other = scene.clone();
-        other.meshes[0].positions[0].x += 1e-3;
+        other.mesh_mut(0).positions[0].x += 1e-3;
         prints.push(other.fingerprint(&camera));
         let mut other = scene.clone();
         other.materials[0].roughness *= 0.999;
@@ -83,7 +84,7 @@ mod tests {
         other.lights.clear();
         prints.push(other.fingerprint(&camera));
         let mut other = scene.clone();
-        other.environment = Some(Environment::constant(Vec3::ONE));
+        other.environment = Some(Environment::constant(Vec3::ONE).into());
         prints.push(other.fingerprint(&camera));
         let mut moved = camera.clone();
         moved.transform.translation.x += 1e-3;

@@ -4,6 +4,7 @@ use super::{Fault, MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
 use crate::memory::Budget;
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::path::Path;
+use std::sync::Arc;
 
 /// What is noted of a scene without a camera.
 pub(crate) const FRAMED: &str = "the scene has no camera: it is seen from one that frames it";
@@ -38,7 +39,7 @@ pub(super) fn finish_pose(mut scene: Scene, file: &Path, element: &str) -> Resul
 
 /// Removes triangles whose exact area is zero; 64-bit floats hold differences and products of coordinates well
 /// enough for collinear corners to cancel.
-fn drop_zero_area(mesh: &mut Mesh) -> usize {
+fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
     let before = mesh.triangles.len();
     let keep: Vec<bool> = mesh
         .triangles
@@ -48,6 +49,10 @@ fn drop_zero_area(mesh: &mut Mesh) -> usize {
             (b - a).cross(c - a) != glam::DVec3::ZERO
         })
         .collect();
+    if !keep.contains(&false) {
+        return 0;
+    }
+    let mesh = Arc::make_mut(mesh);
     let mut kept = keep.iter();
     mesh.triangles.retain(|_| kept.next() == Some(&true));
     let mut kept = keep.iter();
@@ -71,15 +76,16 @@ fn bake_flattening(scene: &mut Scene) -> Result<usize, Fault> {
         let bytes = mesh.positions.len() * size_of::<([Vec3; 2], [Vec2; 2], Vec4)>()
             + mesh.triangles.len() * size_of::<([u32; 4], [Vec4; 3])>();
         budget.get_or_insert_with(Budget::of_process).take(bytes as u64)?;
-        let mut flat = mesh.clone();
+        let mut flat = Mesh::clone(mesh);
         for position in &mut flat.positions {
             *position = instance.transform.transform_point3(*position);
         }
         flat.normals = Vec::new();
         flat.tangents = Vec::new();
+        let mut flat = Arc::new(flat);
         dropped += drop_zero_area(&mut flat);
         if flat.triangles.is_empty() {
-            flat = Mesh::default();
+            flat = Arc::default();
         }
         vertices += flat.positions.len();
         if vertices > MAX_VERTICES {

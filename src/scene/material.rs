@@ -3,7 +3,7 @@ use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 /// glTF metallic-roughness with the extensions named at each field. Colours are linear Rec. 709. A texture multiplies
 /// the factor it stands behind; textures without mip levels are read at their full size. Occlusion textures have no
 /// place here: occlusion is computed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// As in the file.
     pub name: String,

@@ -3,6 +3,7 @@
 use super::{Camera, Light, MAX_COORDINATE, Mesh, Scene};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Extents (diagonals of the bounds) that a scene's centre may lie from the origin. There positions are 64 · 2⁻²⁴ of an
 /// extent apart.
@@ -126,7 +127,10 @@ impl Scene {
         scene.origin += around.origin;
         for (mesh, &offset) in scene.meshes.iter_mut().zip(&around.meshes) {
             if offset != DVec3::ZERO {
-                mesh.positions.iter_mut().for_each(|position| *position = moved(*position, -offset));
+                Arc::make_mut(mesh)
+                    .positions
+                    .iter_mut()
+                    .for_each(|position| *position = moved(*position, -offset));
             }
         }
         for (instance, transform) in scene.instances.iter_mut().zip(&transforms) {

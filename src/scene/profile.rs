@@ -1,6 +1,7 @@
 use super::material::TextureUse;
 use super::{AlphaMode, Image, Light, LightKind, Material, Scene};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// What a scene needs from a renderer; whatever it does not need is left out of the pipeline. Only materials of
 /// at least one triangle count.
@@ -178,7 +179,7 @@ impl SceneProfile {
         }
     }
 
-    fn add(&mut self, material: &Material, images: &[Image], mirror_roughness: f32) {
+    fn add(&mut self, material: &Material, images: &[Arc<Image>], mirror_roughness: f32) {
         self.materials += 1;
         for (usage, texture) in material.textures() {
             // Unlit surfaces show their base colour only.

@@ -255,7 +255,7 @@ fn width(face: &[[DVec3; 3]], normal: DVec3) -> f64 {
 fn place_pane(scene: &mut Scene, mesh: usize, place: usize, slab: &Slab, material: u32) {
     let to_object = scene.instances[place].transform.inverse();
     let inwards = to_object.transform_vector3((slab.normal * (-0.5 * slab.thickness)).as_vec3());
-    let mesh = &mut scene.meshes[mesh];
+    let mesh = scene.mesh_mut(mesh);
     let mut moved: HashMap<u32, u32> = HashMap::new();
     for &triangle in &slab.face {
         let corners = mesh.triangles[triangle].map(|v| {
@@ -287,7 +287,7 @@ fn place_pane(scene: &mut Scene, mesh: usize, place: usize, slab: &Slab, materia
 
 /// Drops the triangles that are gone; those added behind stay.
 fn remove(scene: &mut Scene, mesh: usize, gone: &[bool]) {
-    let mesh = &mut scene.meshes[mesh];
+    let mesh = scene.mesh_mut(mesh);
     let stays = |index: usize| gone.get(index).is_none_or(|gone| !gone);
     let mut index = 0..;
     mesh.triangles.retain(|_| stays(index.next().unwrap_or_default()));
@@ -378,9 +378,10 @@ mod tests {
     }
 
     fn placed(mesh: Mesh, transforms: &[Affine3A]) -> Scene {
-        let instance = |&transform: &Affine3A| Instance { name: String::new(), mesh: 0, transform };
+        let instance =
+            |&transform: &Affine3A| Instance { name: String::new(), mesh: 0, transform, moves: false };
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             instances: transforms.iter().map(instance).collect(),
             materials: vec![glass()],
             ..Scene::default()
@@ -460,10 +461,10 @@ mod tests {
         let mut speck = block(Vec3::splat(0.002));
         speck.materials.fill(1);
         let mut filled = placed(slab(), &one);
-        filled.meshes.push(speck);
+        filled.meshes.push(speck.into());
         filled.materials.push(Material::default());
         let transform = Affine3A::from_translation(vec3(0.5, 0.7, 0.006));
-        filled.instances.push(Instance { name: String::new(), mesh: 1, transform });
+        filled.instances.push(Instance { name: String::new(), mesh: 1, transform, moves: false });
         become_panes(&mut filled);
         assert_eq!(filled.meshes[0].triangles.len(), 12, "something is inside");
         let changes: [fn(&mut Material); 4] = [

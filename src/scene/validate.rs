@@ -5,7 +5,7 @@ use super::limits::{
     MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES, MIN_EXTENT,
 };
 use super::{
-    AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
+    AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
 };
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -152,6 +152,18 @@ impl Image {
     }
 }
 
+impl Instance {
+    fn check(&self) -> Checked {
+        if !self.transform.is_finite() {
+            return Err("its transform is not finite".into());
+        }
+        if !invertible(&self.transform) {
+            return Err("its transform can't be inverted".into());
+        }
+        Ok(())
+    }
+}
+
 impl Mesh {
     fn check(&self, materials: usize) -> Checked {
         let vertices = self.positions.len();
@@ -221,6 +233,14 @@ fn within_reach(what: &str, point: Vec3, limit: f32) -> Checked {
     Err(format!("{what} {point} is not within {limit} m of the origin"))
 }
 
+fn check_extent(low: DVec3, high: DVec3) -> Checked {
+    let extent = (high - low).max_element();
+    if extent > 0.0 && extent < f64::from(MIN_EXTENT) {
+        return Err(format!("the scene is {extent:e} m across, expected at least {MIN_EXTENT:e}"));
+    }
+    Ok(())
+}
+
 /// Whether `transform` can be inverted in 32-bit floats; a flattening or vanishing one can't.
 pub(super) fn invertible(transform: &Affine3A) -> bool {
     let m = transform.matrix3.as_dmat3();
@@ -241,12 +261,7 @@ impl Scene {
         for (i, mesh) in self.meshes.iter().enumerate() {
             mesh.check(self.materials.len()).map_err(|problem| fail(format!("meshes[{i}]"), problem))?;
         }
-        for (i, material) in self.materials.iter().enumerate() {
-            let unknown =
-                material.textures().map(|(_, t)| t.image).find(|&image| image as usize >= self.images.len());
-            let known = unknown.map_or(Ok(()), |image| Err(format!("its image {image} is not there")));
-            material.check().and(known).map_err(|problem| fail(format!("materials[{i}]"), problem))?;
-        }
+        self.validate_materials()?;
         for (i, image) in self.images.iter().enumerate() {
             image.check().map_err(|problem| fail(format!("images[{i}]"), problem))?;
         }
@@ -254,9 +269,7 @@ impl Scene {
         if let Some(environment) = &self.environment {
             environment.check().map_err(|problem| fail("environment".into(), problem))?;
         }
-        for (i, camera) in self.cameras.iter().enumerate() {
-            camera.check().map_err(|problem| fail(format!("cameras[{i}]"), problem))?;
-        }
+        self.validate_cameras()?;
         self.check_sizes().map_err(|problem| fail("size".into(), problem))?;
         let mut triangles = 0_usize;
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -272,12 +285,7 @@ impl Scene {
             if triangles > MAX_TRIANGLES {
                 return Err(fail(element(), format!("more than {MAX_TRIANGLES} triangles up to here")));
             }
-            if !instance.transform.is_finite() {
-                return Err(fail(element(), "its transform is not finite".into()));
-            }
-            if !invertible(&instance.transform) {
-                return Err(fail(element(), "its transform can't be inverted".into()));
-            }
+            instance.check().map_err(|problem| fail(element(), problem))?;
             for &position in &mesh.positions {
                 let placed = instance.transform.transform_point3(position).as_dvec3() + self.origin;
                 (low, high) = (low.min(placed), high.max(placed));
@@ -285,10 +293,45 @@ impl Scene {
                     .map_err(|problem| fail(element(), problem))?;
             }
         }
-        let extent = (high - low).max_element();
-        if extent > 0.0 && extent < f64::from(MIN_EXTENT) {
-            let problem = format!("the scene is {extent:e} m across, expected at least {MIN_EXTENT:e}");
-            return Err(fail("size".into(), problem));
+        check_extent(low, high).map_err(|problem| fail("size".into(), problem))
+    }
+
+    /// Checks where instances are, as [`validate`](Self::validate) does: those in `places`, within whose bounds (m) their vertices
+    /// are, and the bounds of all.
+    pub(crate) fn validate_places(
+        &self,
+        places: impl IntoIterator<Item = (usize, [Vec3; 2])>,
+        (low, high): (Vec3, Vec3),
+    ) -> Result<(), SceneError> {
+        let fail = |element: String, problem: String| SceneError::new(Path::new("scene"), element, problem);
+        for (i, ends) in places {
+            let instance = &self.instances[i];
+            let reached = |end: Vec3| {
+                within_reach("a vertex at", (end.as_dvec3() + self.origin).as_vec3(), MAX_COORDINATE)
+            };
+            let checked = instance.check().and_then(|()| ends.into_iter().try_for_each(reached));
+            checked.map_err(|problem| fail(format!("instances[{i}] ({})", instance.name), problem))?;
+        }
+        check_extent(low.as_dvec3(), high.as_dvec3()).map_err(|problem| fail("size".into(), problem))
+    }
+
+    /// Checks materials, as [`validate`](Self::validate) does.
+    pub(crate) fn validate_materials(&self) -> Result<(), SceneError> {
+        for (i, material) in self.materials.iter().enumerate() {
+            let unknown =
+                material.textures().map(|(_, t)| t.image).find(|&image| image as usize >= self.images.len());
+            let known = unknown.map_or(Ok(()), |image| Err(format!("its image {image} is not there")));
+            let fail = |problem| SceneError::new(Path::new("scene"), format!("materials[{i}]"), problem);
+            material.check().and(known).map_err(fail)?;
+        }
+        Ok(())
+    }
+
+    /// Checks cameras, as [`validate`](Self::validate) does.
+    pub(crate) fn validate_cameras(&self) -> Result<(), SceneError> {
+        for (i, camera) in self.cameras.iter().enumerate() {
+            let fail = |problem| SceneError::new(Path::new("scene"), format!("cameras[{i}]"), problem);
+            camera.check().map_err(fail)?;
         }
         Ok(())
     }

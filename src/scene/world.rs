@@ -15,18 +15,19 @@ pub struct Scene {
     /// Where the scene's origin lies in the file's coordinates (m). Instances, lights and cameras are relative to it. Not 0
     /// where [`near_origin`](Self::near_origin) says why.
     pub origin: DVec3,
-    /// Geometry in object space.
-    pub meshes: Vec<Mesh>,
+    /// Geometry in object space. Poses and copies of a scene share it, by which [`Renderer::edit`](crate::renderer::Renderer::edit)
+    /// knows what stays.
+    pub meshes: Vec<Arc<Mesh>>,
     /// Placements of meshes in the world.
     pub instances: Vec<Instance>,
     /// Materials that meshes' triangles name.
     pub materials: Vec<Material>,
-    /// Texel data that materials' textures name.
-    pub images: Vec<Image>,
+    /// Texel data that materials' textures name, shared like geometry.
+    pub images: Vec<Arc<Image>>,
     /// Light sources other than emissive surfaces.
     pub lights: Vec<Light>,
-    /// Light from infinitely far around.
-    pub environment: Option<Environment>,
+    /// Light from infinitely far around, shared like geometry.
+    pub environment: Option<Arc<Environment>>,
     /// Cameras in file order.
     pub cameras: Vec<Camera>,
     /// What moves it, where the loader was asked for that.
@@ -48,6 +49,14 @@ pub trait Motion: fmt::Debug + Send + Sync {
 }
 
 impl Scene {
+    /// A mesh to change; copied first where other scenes share it.
+    ///
+    /// # Panics
+    /// There is no such mesh.
+    pub fn mesh_mut(&mut self, index: usize) -> &mut Mesh {
+        Arc::make_mut(&mut self.meshes[index])
+    }
+
     /// Animations of the file, which [`pose`](Self::pose) plays.
     #[must_use]
     pub fn clips(&self) -> &[Clip] {
@@ -88,11 +97,17 @@ impl Scene {
     /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order. In a mirroring
     /// instance (negative determinant) the front side sees them clockwise.
     pub fn world_triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
-        self.instances.iter().flat_map(|instance| {
-            let mesh = &self.meshes[instance.mesh as usize];
-            let vertex = move |v: u32| instance.transform.transform_point3(mesh.positions[v as usize]);
-            mesh.triangles.iter().map(move |triangle| triangle.map(vertex))
-        })
+        self.instances.iter().flat_map(|instance| self.instance_triangles(instance))
+    }
+
+    /// The same of one instance.
+    pub(crate) fn instance_triangles<'a>(
+        &'a self,
+        instance: &'a Instance,
+    ) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+        let mesh = &self.meshes[instance.mesh as usize];
+        let vertex = move |v: u32| instance.transform.transform_point3(mesh.positions[v as usize]);
+        mesh.triangles.iter().map(move |triangle| triangle.map(vertex))
     }
 
     /// Smallest and largest coordinates (m) of all triangles in the world; none without triangles.

@@ -62,7 +62,7 @@ pub(super) fn cube(albedo: f32) -> Scene {
 /// A room with a block in it.
 pub(super) fn furnished() -> Scene {
     let mut scene = builtin::closed_box(vec3(2.0, 1.5, 2.5), Vec3::splat(0.6), 1);
-    let mesh = &mut scene.meshes[0];
+    let mesh = scene.mesh_mut(0);
     block(mesh, vec3(0.75, 0.0, 0.5), vec3(1.25, 0.5, 1.0), 0);
     scene
 }
@@ -73,7 +73,7 @@ pub(super) fn metal_floor() -> Scene {
     let metal = Material { roughness: 0.3, base_color: Vec3::splat(0.8).extend(1.0), ..Material::default() };
     scene.materials.push(metal);
     // The floor comes first.
-    scene.meshes[0].materials[..2].fill(1);
+    scene.mesh_mut(0).materials[..2].fill(1);
     scene
 }
 
@@ -113,7 +113,7 @@ fn moved(mut scene: Scene, transform: Affine3A) -> Scene {
 /// otherwise, so nothing left to chance falls otherwise.
 fn scaled(scale: f32) -> Scene {
     let mut scene = furnished();
-    scene.meshes[0].positions.iter_mut().for_each(|position| *position *= scale);
+    scene.mesh_mut(0).positions.iter_mut().for_each(|position| *position *= scale);
     for light in &mut scene.lights {
         light.position *= scale;
         light.intensity *= scale * scale;
@@ -138,7 +138,7 @@ pub(super) fn far() -> Scene {
     let mut scene = scaled(80.0);
     let offset = Vec3::splat(1e7);
     // Vertices, not the instance: that is how far geometry comes out of files.
-    scene.meshes[0].positions.iter_mut().for_each(|position| *position += offset);
+    scene.mesh_mut(0).positions.iter_mut().for_each(|position| *position += offset);
     scene.lights[0].position += offset;
     scene.cameras[0].transform.translation += glam::Vec3A::from(offset);
     scene
@@ -147,7 +147,7 @@ pub(super) fn far() -> Scene {
 /// The furnished room, every triangle of it twice.
 pub(super) fn duplicated() -> Scene {
     let mut scene = furnished();
-    let mesh = &mut scene.meshes[0];
+    let mesh = scene.mesh_mut(0);
     mesh.triangles.extend_from_within(..);
     mesh.materials.extend_from_within(..);
     scene
@@ -156,7 +156,7 @@ pub(super) fn duplicated() -> Scene {
 /// The furnished room with triangles that are a line or a point.
 pub(super) fn degenerate() -> Scene {
     let mut scene = furnished();
-    let mesh = &mut scene.meshes[0];
+    let mesh = scene.mesh_mut(0);
     for i in 0..200 {
         let first = mesh.positions.len() as u32;
         let place = |n: u32| vec3(2.0 * unit(3 * n), 1.5 * unit(3 * n + 1), 2.5 * unit(3 * n + 2));
@@ -172,7 +172,7 @@ pub(super) fn degenerate() -> Scene {
 pub(super) fn coincident() -> Scene {
     let mut scene = furnished();
     scene.materials.push(Material::diffuse("black", Vec3::ZERO));
-    grid(&mut scene.meshes[0], Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.0, 1, 1);
+    grid(scene.mesh_mut(0), Vec3::ZERO, Vec3::Z * 2.5, Vec3::X * 2.0, 1, 1);
     scene
 }
 
@@ -194,7 +194,7 @@ pub(super) fn thin_wall() -> Scene {
 /// Posts as wide as a pixel in front of walls in a corner.
 pub(super) fn wires() -> Scene {
     let mut scene = builtin::closed_box(vec3(4.0, 3.0, 4.0), Vec3::splat(0.6), 1);
-    let mesh = &mut scene.meshes[0];
+    let mesh = scene.mesh_mut(0);
     for i in 0..9 {
         let low = vec3(0.6 + 0.35 * i as f32, 0.0, 1.0 + 0.1 * (i % 3) as f32);
         block(mesh, low, low + vec3(0.1, 2.6, 0.1), 0);
@@ -207,7 +207,7 @@ pub(super) fn wires() -> Scene {
 /// A room with a wall of facets.
 pub(super) fn bumpy() -> Scene {
     let mut scene = builtin::closed_box(vec3(2.0, 2.0, 2.5), Vec3::splat(0.7), 1);
-    let mesh = &mut scene.meshes[0];
+    let mesh = scene.mesh_mut(0);
     let cells = 20;
     let place = |x: u32, y: u32| vec3(x as f32 / 10.0, y as f32 / 10.0, 0.05 + 0.1 * unit(x * 31 + y * 17));
     for cell in 0..cells * cells {
@@ -227,7 +227,7 @@ pub(super) fn pillars() -> Scene {
     let mut scene = builtin::closed_box(vec3(4.0, 2.0, 3.0), Vec3::splat(0.6), 1);
     for i in 0..4 {
         let low = vec3(0.6 + 0.8 * i as f32, 0.0, 1.2);
-        block(&mut scene.meshes[0], low, low + vec3(0.3, 2.0, 0.3), 0);
+        block(scene.mesh_mut(0), low, low + vec3(0.3, 2.0, 0.3), 0);
     }
     scene.lights = vec![point(vec3(0.4, 1.0, 0.6), 1.0)];
     scene.cameras = vec![look(vec3(2.0, 1.2, 2.9), vec3(2.0, 0.9, 0.0))];
@@ -250,9 +250,9 @@ pub(super) fn glass_and_lamp() -> Scene {
     let clear = Volume { attenuation_distance: f32::INFINITY, attenuation_color: Vec3::ONE };
     scene.materials[1] = glass("body", PANE_INDEX, Some(clear));
     // The pane faces up and becomes the upper face.
-    grid(&mut scene.meshes[0], vec3(-9.0, 0.95, -9.0), Vec3::X * 18.0, Vec3::Z * 18.0, 1, 1);
+    grid(scene.mesh_mut(0), vec3(-9.0, 0.95, -9.0), Vec3::X * 18.0, Vec3::Z * 18.0, 1, 1);
     scene.materials.push(Material { emission: Vec3::ONE, ..Material::diffuse("lamp", Vec3::ZERO) });
-    grid(&mut scene.meshes[0], PANE_LIGHT - vec3(0.5, 0.0, 0.5), Vec3::X, Vec3::Z, 1, 2);
+    grid(scene.mesh_mut(0), PANE_LIGHT - vec3(0.5, 0.0, 0.5), Vec3::X, Vec3::Z, 1, 2);
     scene
 }
 

@@ -447,7 +447,7 @@ mod tests {
         let mut scene = builtin::scene(mesh, vec![common::gray(0.6)], Vec3::ZERO, camera);
         let direction = vec3(0.1, -1.0, -0.3).normalize();
         scene.lights = vec![Light { kind: LightKind::Directional, direction, ..scene.lights[0].clone() }];
-        scene.environment = Some(Environment::constant(Vec3::splat(0.2)));
+        scene.environment = Some(Environment::constant(Vec3::splat(0.2)).into());
         scene
     }
 

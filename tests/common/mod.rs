@@ -11,7 +11,7 @@ pub(crate) mod asset;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{Affine3A, Vec2, Vec3};
 use parhelion::config::RenderConfig;
@@ -151,10 +151,16 @@ pub(crate) fn quad(o: Vec3, u: Vec3, v: Vec3, material: u32) -> Mesh {
 }
 
 /// Each mesh where it is, in no light.
-pub(crate) fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
-    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY };
+pub(crate) fn scene(meshes: Vec<impl Into<Arc<Mesh>>>, materials: Vec<Material>) -> Scene {
+    let instance = |mesh| Instance { name: String::new(), mesh, transform: Affine3A::IDENTITY, moves: false };
     let instances = (0..meshes.len() as u32).map(instance).collect();
-    Scene { name: "test".into(), meshes, instances, materials, ..Scene::default() }
+    Scene {
+        name: "test".into(),
+        meshes: meshes.into_iter().map(Into::into).collect(),
+        instances,
+        materials,
+        ..Scene::default()
+    }
 }
 
 /// Diffuse, alike in all channels.

@@ -260,6 +260,17 @@ impl Context<'_> {
         primitives.iter().find_map(|primitive| primitive.targets.as_ref().map(Vec::len))
     }
 
+    /// Nodes that a clip places, shows or hides.
+    pub(super) fn animated_nodes(&self) -> HashSet<u32> {
+        let targets = self.clips.iter().flat_map(|clip| &clip.channels).map(|channel| channel.target);
+        let node = |target| match target {
+            Target::Node(_, NodeProperty::Weights) => None,
+            Target::Node(node, _) => Some(node),
+            _ => None,
+        };
+        targets.filter_map(node).collect()
+    }
+
     /// Whether any animation does this.
     pub(super) fn moves(&self, target: Target) -> bool {
         self.clips.iter().flat_map(|clip| &clip.channels).any(|channel| channel.target == target)

@@ -506,16 +506,19 @@ impl Context<'_> {
         let (mut ranged, mut triangles) = (0, 0_usize);
         let sources: &[khr_lights_punctual::Light] = self.root.as_ref();
         let mut detour = 0.0_f64;
-        let mut stack: Vec<(usize, DAffine3, f64)> =
-            roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0)).collect();
-        while let Some((i, parent, way)) = stack.pop() {
+        let animated = self.animated_nodes();
+        let mut stack: Vec<(usize, DAffine3, f64, bool)> =
+            roots.iter().rev().map(|&i| (i, DAffine3::IDENTITY, 0.0, false)).collect();
+        while let Some((i, parent, way, carried)) = stack.pop() {
             let node = &self.root.nodes[i];
             if self.is_never_shown(i) {
                 continue;
             }
             let world = parent * self.local_transform(i, around.is_some())?;
             let way = way.max(world.translation.length());
-            stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world, way)));
+            let carried = carried || animated.contains(&(i as u32));
+            let children = node.children.iter().flatten().rev();
+            stack.extend(children.map(|child| (child.value(), world, way, carried)));
             if let Some(source) = node.mesh.map(|mesh| mesh.value()) {
                 let weights = node.weights.as_deref().filter(|w| !w.is_empty());
                 let skin = match node.skin {
@@ -526,11 +529,12 @@ impl Context<'_> {
                 let origin = || around.map_or(DVec3::ZERO, |around| around.meshes[slot]);
                 let morphs = self.moves(Target::Node(i as u32, NodeProperty::Weights));
                 let pose = |skin| Pose { weights, origin: origin(), skin, every_target: morphs };
+                let reshaped = moving && (morphs || skin.is_some());
                 let mesh = match &skin {
-                    skin if moving && (morphs || skin.is_some()) => {
+                    skin if reshaped => {
                         let pose = pose(skin.as_ref());
                         let mut shape = self.shape(source, &pose, &mut tally)?;
-                        scene.meshes.push(self.posed(source, shape.clone(), &pose)?);
+                        scene.meshes.push(self.posed(source, shape.clone(), &pose)?.into());
                         // The posed mesh has these.
                         (shape.base.uv0, shape.base.uv1, shape.base.colors) = Default::default();
                         let skin = skin.as_ref().map(|skin| Arc::clone(&skin.source));
@@ -538,7 +542,7 @@ impl Context<'_> {
                         slot
                     }
                     Some(skin) => {
-                        scene.meshes.push(self.mesh(source, &pose(Some(skin)), &mut tally)?);
+                        scene.meshes.push(self.mesh(source, &pose(Some(skin)), &mut tally)?.into());
                         slot
                     }
                     None => {
@@ -546,7 +550,7 @@ impl Context<'_> {
                         match meshes.get(&key) {
                             Some(&mesh) => mesh as usize,
                             None => {
-                                scene.meshes.push(self.mesh(source, &pose(None), &mut tally)?);
+                                scene.meshes.push(self.mesh(source, &pose(None), &mut tally)?.into());
                                 meshes.insert(key, slot as u32);
                                 slot
                             }
@@ -571,7 +575,13 @@ impl Context<'_> {
                     let place = within.at(world);
                     let placement = around.map_or(place, |around| around.placement(mesh, &place));
                     let transform = self.world_f32(i, placement)?;
-                    scene.instances.push(Instance { name: name.clone(), mesh: mesh as u32, transform });
+                    let moves = carried || reshaped;
+                    scene.instances.push(Instance {
+                        name: name.clone(),
+                        mesh: mesh as u32,
+                        transform,
+                        moves,
+                    });
                     transforms.push(placement);
                     if moving {
                         rig.instances.push(Placed { node: i as u32, within });
@@ -693,14 +703,14 @@ impl Context<'_> {
                 self.texture(i, material, &mut textures)?;
             }
         }
-        scene.images = textures.images;
+        scene.images = textures.images.into_iter().map(Arc::new).collect();
         if textures.far_sets > 0 {
             scene
                 .notes
                 .push(format!("{} textures use coordinate sets above 1 and are left out", textures.far_sets));
         }
         let mut without = 0;
-        for mesh in &mut scene.meshes {
+        for mesh in scene.meshes.iter_mut().map(Arc::make_mut) {
             mesh.generate_tangents(&scene.materials);
             let mut wanted = [false; 2];
             let mut seen = u32::MAX;

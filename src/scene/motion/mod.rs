@@ -173,18 +173,19 @@ impl Rigged {
             let posed = posed.map_err(|vertex| {
                 fail(shaped.node, &format!("vertex {vertex} of its mesh's pose is not finite"))
             })?;
-            let mesh = &mut scene.meshes[shaped.mesh as usize];
-            *mesh = Mesh {
-                name: std::mem::take(&mut mesh.name),
-                uv0: std::mem::take(&mut mesh.uv0),
-                uv1: std::mem::take(&mut mesh.uv1),
-                colors: std::mem::take(&mut mesh.colors),
+            let rest = &mut scene.meshes[shaped.mesh as usize];
+            let mut mesh = Mesh {
+                name: rest.name.clone(),
+                uv0: rest.uv0.clone(),
+                uv1: rest.uv1.clone(),
+                colors: rest.colors.clone(),
                 ..posed
             };
             mesh.generate_tangents(&scene.materials);
+            *rest = mesh.into();
         }
         // What is scaled to nothing is as good as hidden.
-        let nothing: Vec<bool> = scene.meshes.iter().map(is_nothing).collect();
+        let nothing: Vec<bool> = scene.meshes.iter().map(|mesh| is_nothing(mesh)).collect();
         let mut shown = rig.instances.iter().map(|placed| worlds.shows(placed.node));
         scene.instances.retain(|instance| {
             let scale =

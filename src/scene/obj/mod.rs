@@ -45,6 +45,7 @@ use polygon::Splitter;
 use source::Source;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
+use std::sync::Arc;
 use text::{brief, split, statements, uncommented};
 use vertices::Vertices;
 
@@ -342,9 +343,10 @@ impl<'a> Reader<'a> {
             name: mesh.name.clone(),
             mesh: self.scene.meshes.len() as u32,
             transform: Affine3A::IDENTITY,
+            moves: false,
         };
         self.scene.instances.push(instance);
-        self.scene.meshes.push(mesh);
+        self.scene.meshes.push(mesh.into());
         self.corners.push(corners);
     }
 
@@ -353,7 +355,7 @@ impl<'a> Reader<'a> {
         for (mesh, corners) in self.scene.meshes.iter_mut().zip(&self.corners) {
             let place =
                 |corner: &Corner| (self.vertices.positions[corner[0] as usize] - self.scene.origin).as_vec3();
-            mesh.positions = corners.iter().map(place).collect();
+            Arc::make_mut(mesh).positions = corners.iter().map(place).collect();
         }
     }
 
@@ -366,9 +368,9 @@ impl<'a> Reader<'a> {
             self.place();
         }
         let mut scene = self.scene;
-        scene.images = self.library.images();
+        scene.images = self.library.images().into_iter().map(Arc::new).collect();
         for mesh in &mut scene.meshes {
-            mesh.generate_tangents(&scene.materials);
+            Arc::make_mut(mesh).generate_tangents(&scene.materials);
         }
         if self.points_and_lines > 0 {
             scene.notes.push(format!("{} statements of points or lines are left out", self.points_and_lines));

@@ -373,8 +373,13 @@ fn small_wall() -> (Scene, Camera) {
         ..Mesh::default()
     };
     let scene = Scene {
-        instances: vec![Instance { name: String::new(), mesh: 0, transform: Affine3A::IDENTITY }],
-        meshes: vec![mesh],
+        instances: vec![Instance {
+            name: String::new(),
+            mesh: 0,
+            transform: Affine3A::IDENTITY,
+            moves: false,
+        }],
+        meshes: vec![mesh.into()],
         materials: vec![Material::diffuse("wall", Vec3::splat(0.5))],
         ..Scene::default()
     };

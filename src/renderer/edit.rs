@@ -1,0 +1,164 @@
+//! Edits of a scene on a device: what has changed decides what is redone.
+
+use crate::accel::{Blocks, Geometry};
+use crate::scene::{Instance, Material, Scene};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// What an edit makes worthless, and what it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Invalidated {
+    /// Pictures drawn before, and what a progressive one has come to.
+    pub pictures: bool,
+    /// The pipelines: the scene needs others than before.
+    pub pipelines: bool,
+    /// The structures that rays are traced in.
+    pub structures: Redone,
+    /// Bytes of shading data uploaded.
+    pub bytes: u64,
+}
+
+/// How much of the structures that rays are traced in is built anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Redone {
+    /// All stays.
+    #[default]
+    Nothing,
+    /// The level over placements, and boxes for imperfect visibility where there are any.
+    Top,
+    /// All of it.
+    All,
+}
+
+/// In what two scenes differ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Difference {
+    pub(super) lights: bool,
+    pub(super) cameras: bool,
+    pub(super) materials: bool,
+    /// Which surfaces emit, and how much.
+    pub(super) emission: bool,
+    /// Where instances are that are to move.
+    pub(super) places: bool,
+    /// All else.
+    pub(super) rest: bool,
+}
+
+impl Difference {
+    pub(super) fn between(old: &Scene, new: &Scene) -> Self {
+        let pairs = || old.instances.iter().zip(&new.instances);
+        let other_place = |(a, b): (&Instance, &Instance)| a.transform != b.transform;
+        let other = |(a, b): (&Instance, &Instance)| {
+            (a.mesh, a.moves) != (b.mesh, b.moves) || !a.moves && other_place((a, b))
+        };
+        let materials = || old.materials.iter().zip(&new.materials);
+        let blocks = |(a, b): (&Material, &Material)| Blocks::of(a) != Blocks::of(b);
+        let rest = old.origin != new.origin
+            || !same(&old.meshes, &new.meshes)
+            || !same(&old.images, &new.images)
+            || !same(old.environment.as_slice(), new.environment.as_slice())
+            || old.instances.len() != new.instances.len()
+            || pairs().any(other)
+            || old.materials.len() != new.materials.len()
+            || materials().any(blocks);
+        Self {
+            lights: old.lights != new.lights,
+            cameras: old.cameras != new.cameras,
+            materials: old.materials != new.materials,
+            emission: materials().any(|(a, b)| shine(a) != shine(b)),
+            places: pairs().any(other_place),
+            rest,
+        }
+    }
+}
+
+fn shine(material: &Material) -> impl PartialEq {
+    (material.emission, material.emission_texture, material.double_sided, material.unlit)
+}
+
+fn same<T>(old: &[Arc<T>], new: &[Arc<T>]) -> bool {
+    old.len() == new.len() && old.iter().zip(new).all(|(a, b)| Arc::ptr_eq(a, b))
+}
+
+/// What a scene in which something is to move keeps on the host.
+#[derive(Clone, Debug)]
+pub(super) struct Movable {
+    pub(super) geometry: Arc<Geometry>,
+    /// One an instance of the scene.
+    extents: Vec<Extent>,
+}
+
+/// Of an instance in the world.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    low: Vec3,
+    high: Vec3,
+    /// m².
+    area: f64,
+}
+
+impl Extent {
+    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, area: 0.0 };
+
+    fn of(scene: &Scene, instance: &Instance) -> Self {
+        let mut extent = Self::NONE;
+        for [a, b, c] in scene.instance_triangles(instance) {
+            extent.low = extent.low.min(a).min(b).min(c);
+            extent.high = extent.high.max(a).max(b).max(c);
+            extent.area += 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length();
+        }
+        extent
+    }
+
+    fn and(self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high), area: self.area + other.area }
+    }
+}
+
+impl Movable {
+    pub(super) fn of(scene: &Scene, geometry: Geometry) -> Self {
+        let extents = scene.instances.iter().map(|instance| Extent::of(scene, instance)).collect();
+        Self { geometry: Arc::new(geometry), extents }
+    }
+
+    /// Follows what moves to where it is in `scene`, of which nothing else has changed.
+    pub(super) fn place(&mut self, scene: &Scene) {
+        Arc::make_mut(&mut self.geometry).place(scene);
+        for (extent, instance) in self.extents.iter_mut().zip(&scene.instances) {
+            if instance.moves {
+                *extent = Extent::of(scene, instance);
+            }
+        }
+    }
+
+    /// Bounds of the instances that move (m), with their numbers.
+    pub(super) fn places<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = (usize, [Vec3; 2])> + 'a {
+        let of = scene.instances.iter().zip(&self.extents).enumerate();
+        of.filter(|(_, (instance, _))| instance.moves).map(|(i, (_, extent))| (i, [extent.low, extent.high]))
+    }
+
+    /// The scene's bounds (m), none without triangles.
+    pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let all = self.extents.iter().fold(Extent::NONE, Extent::and);
+        (all.low.x <= all.high.x).then_some((all.low, all.high))
+    }
+
+    /// The scene's surface (m²).
+    pub(super) fn area(&self) -> f32 {
+        self.extents.iter().fold(Extent::NONE, Extent::and).area as f32
+    }
+
+    /// Whether all is so near the origin, by the size of what stays, that [`Scene::near_origin`] leaves it where it is.
+    pub(super) fn is_near_origin(&self, scene: &Scene) -> bool {
+        /// Half of where that begins.
+        const NEAR: f32 = 32.0;
+        let still = scene.instances.iter().zip(&self.extents).filter(|(instance, _)| !instance.moves);
+        let still = still.fold(Extent::NONE, |all, (_, extent)| all.and(extent));
+        let limit = NEAR * still.low.distance(still.high);
+        let all = self.extents.iter().fold(Extent::NONE, Extent::and);
+        let reach = all.low.abs().max(all.high.abs()).length();
+        still.low.x <= still.high.x
+            && reach <= limit
+            && scene.instances.iter().all(|instance| instance.transform.translation.length() <= limit)
+    }
+}
