@@ -131,6 +131,7 @@ fn planned(pass: &PassDecl, recorded: usize) -> PlannedPass {
         path: pass.path.clone(),
         kind: pass.work.noun(),
         shader: pass.work.shader().map(|name| name.clone().into_owned()),
+        constants: pass.work.constants().to_vec(),
         groups: pass.work.groups(),
         accesses: accesses.collect(),
         barrier: None,

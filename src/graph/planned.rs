@@ -68,6 +68,9 @@ pub struct PlannedPass {
     pub kind: &'static str,
     /// The kernel's name.
     pub shader: Option<String>,
+    /// Values of the kernel's specialization constants, bits, in its order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub constants: Vec<u32>,
     /// Workgroups, if the host knows.
     pub groups: Option<[u32; 3]>,
     /// What it touches.

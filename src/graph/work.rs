@@ -93,6 +93,14 @@ pub(super) enum Work {
 }
 
 impl Work {
+    /// Values of the kernel's specialization constants, of kernels.
+    pub(super) fn constants(&self) -> &[u32] {
+        match self {
+            Self::Kernel(kernel) => &kernel.spec,
+            _ => &[],
+        }
+    }
+
     /// The kernel's name, of kernels.
     pub(super) fn shader(&self) -> Option<&Cow<'static, str>> {
         match self {
