@@ -7,7 +7,7 @@ use common::{gray, quad};
 use glam::{Affine3A, Quat, Vec3, vec3};
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{
-    BackendChoice, Error, Frame, FrameRequest, Invalidated, Redone, Renderer, RendererOptions,
+    BackendChoice, Error, Frame, FrameRequest, Invalidated, Redone, Renderer, RendererOptions, Stepper,
 };
 use parhelion::scene::{
     AlphaMode, Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh, Scene, builtin,
@@ -168,7 +168,37 @@ fn an_edit_redoes_what_the_table_says() {
     let grown = edit("more under the sky", &|scene| scene.instances[CUBES[0]].transform = at(9.0, 0.0, 0.0));
     assert_eq!(grown.structures, Redone::Top);
     let far = edit("far away", &|scene| scene.instances[CUBES[0]].transform = at(900.0, 0.0, 0.0));
-    assert_eq!(far.structures, Redone::All);
+    assert_eq!(far.structures, Redone::Top);
+    let nothing = Affine3A::from_scale(Vec3::splat(1e-8));
+    edit("a lamp that is hidden", &|scene| scene.instances[LAMP].transform = at(1.0, 0.8, 1.0) * nothing);
+    edit("and is back", &|scene| scene.instances[LAMP].transform = at(1.0, 0.8, 1.0));
+}
+
+/// Whether what is there once is said to move shows in nothing but rounding.
+#[test]
+fn a_scene_that_may_move_looks_the_same() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (mut scene, camera) = room();
+    scene.instances.truncate(2);
+    scene.materials[2].emission = Vec3::ZERO;
+    // What has no triangle moves with it.
+    scene.meshes.push(Arc::default());
+    let nothing = Instance { name: String::new(), mesh: 4, transform: Affine3A::IDENTITY, moves: true };
+    scene.instances.push(nothing);
+    let config = config(&["preset=paper-canonical", "vpl_shoot.vpls=4"]);
+    let mut may = software(&device, scene.clone());
+    let apart = picture(&mut may, &config, &camera);
+    let moved = may.edit(|scene| scene.instances[1].transform = at(0.7, 0.3, 0.8)).unwrap();
+    assert_eq!(moved.structures, Redone::Top);
+    let apart = [apart, picture(&mut may, &config, &camera)];
+    for (apart, transform) in apart.iter().zip([at(0.6, 0.2, 0.6), at(0.7, 0.3, 0.8)]) {
+        scene.instances[1] = Instance { transform, moves: false, ..scene.instances[1].clone() };
+        scene.instances[2].moves = false;
+        let still = picture(&mut software(&device, scene.clone()), &config, &camera);
+        let pairs = apart.beauty.data.iter().zip(&still.beauty.data);
+        let differ = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-4 * b.abs().max(1e-3)).count();
+        assert!(100 * differ <= still.beauty.data.len(), "{differ} of {}", still.beauty.data.len());
+    }
 }
 
 fn builtin_glass() -> Material {
@@ -187,7 +217,9 @@ fn boxes_follow_what_moves() {
         let mut renderer = software(&device, scene.clone());
         picture(&mut renderer, &config, &camera);
         for x in [0.8, 1.1] {
-            renderer.edit(|scene| scene.instances[CUBES[0]].transform = at(x, 0.5, 0.9)).unwrap();
+            let moved = renderer.edit(|scene| scene.instances[CUBES[0]].transform = at(x, 0.5, 0.9)).unwrap();
+            let inline = visibility == "boxes-inline";
+            assert_eq!(moved.structures, if inline { Redone::All } else { Redone::Top });
             let moved = picture(&mut renderer, &config, &camera);
             let mut fresh = software(&device, renderer.scene().clone());
             assert!(moved.beauty == picture(&mut fresh, &config, &camera).beauty, "{visibility}");
@@ -243,6 +275,23 @@ fn renderers_do_not_see_each_others_moves() {
     assert!(picture(&mut other, &config, &camera).beauty == expected.beauty);
     renderer.edit(|scene| scene.instances[LAMP].transform = home).unwrap();
     assert!(picture(&mut renderer, &config, &camera).beauty == expected.beauty);
+}
+
+/// What is worked out of the scene once, such as how far rays go in it, is worked out again.
+#[test]
+fn steps_begin_anew_where_something_has_moved() {
+    let Some((_guard, device)) = common::device() else { return };
+    let (scene, camera) = room();
+    let mut renderer = software(&device, scene);
+    let config = RenderConfig { pixel_samples: 2, ..plain() };
+    let mut stepper = Stepper::new(&mut renderer, &config, &camera, &[]).unwrap();
+    stepper.step(&mut renderer, 1).unwrap();
+    renderer.edit(|scene| scene.instances[CUBES[0]].transform = at(1.6, 0.9, 2.0)).unwrap();
+    while stepper.step(&mut renderer, 1).unwrap() > 0 {}
+    let stepped = stepper.picture(&mut renderer).unwrap();
+    let expected = picture(&mut software(&device, renderer.scene().clone()), &config, &camera);
+    assert_eq!(stepped.min_distance, expected.min_distance);
+    assert!(stepped.beauty == expected.beauty);
 }
 
 /// By ray query the level over placements is built anew, and the picture is the same but where rays graze edges.

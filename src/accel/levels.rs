@@ -104,7 +104,7 @@ impl Meshes {
     /// thread. Of triangles that coincide and let no light through one is kept, which a ray would meet first.
     ///
     /// # Errors
-    /// [`Error::TooMany`] past 2²⁸ triangles, each mesh's counted once.
+    /// [`Error::TooMany`] past 2²⁸ triangles, each mesh's counted once but for those placed together, [`Error::NoRoom`].
     pub fn build(geometry: &Geometry, split: bool, each: bool) -> Result<Self, Error> {
         let mut meshes = Self::default();
         let apart = |placed: &Placed| each || placed.moves;
@@ -116,7 +116,10 @@ impl Meshes {
             let mesh = geometry.instances[instance as usize].mesh;
             u64::from(geometry.meshes[mesh as usize].triangle_count)
         };
-        check_count(geometry.triangles.len() as u64 + together.iter().map(count).sum::<u64>())?;
+        let own: HashSet<u32> =
+            geometry.instances.iter().filter(|placed| apart(placed)).map(|placed| placed.mesh).collect();
+        let own = own.iter().map(|&mesh| u64::from(geometry.meshes[mesh as usize].triangle_count));
+        check_count(own.sum::<u64>() + together.iter().map(count).sum::<u64>())?;
         if !together.is_empty() {
             let triangles = together.iter().flat_map(|&instance| geometry.instance_triangles(instance));
             meshes.append_in_world(0, triangles, together.iter().map(count).sum(), split)?;

@@ -82,7 +82,7 @@ impl Software {
             let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?.map(Arc::new);
             let triangles =
                 upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?.map(Arc::new);
-            let lower = report(Backend::Software.name(), start, bytes, geometry.triangles.len() as u64);
+            let lower = report(Backend::Software.name(), start, bytes, meshes.triangles.len() as u64);
             let (top, stack_depth, upper) = SoftwareTop::build(device, meshes.places)?;
             let built = Self { nodes, triangles, top: Some(top), stack_depth, whole };
             return Ok((built, vec![lower, upper]));
@@ -178,7 +178,7 @@ impl Structure {
     /// anew. None where that does not do. Structures over boxes are left out.
     ///
     /// # Errors
-    /// Too little memory.
+    /// Too many levels of nodes, or too little memory.
     pub fn moved(&self, device: &vk::Device, geometry: &Geometry) -> Result<Option<Self>, Error> {
         let (built, report) = match &*self.built {
             Built::Hardware(hardware) => {

@@ -137,12 +137,6 @@ impl GpuScene {
         Ok(())
     }
 
-    /// Whether any triangle of these instances of the scene emits, which are to move.
-    pub(crate) fn shines(&self, geometry: &Geometry, moved: impl Fn(usize) -> bool) -> bool {
-        let placed = |emitter: &Emitter| &geometry.instances[emitter.instance as usize];
-        self.emitters.iter().map(placed).any(|placed| placed.moves && moved(placed.instance as usize))
-    }
-
     fn environment(&mut self, device: &vk::Device, environment: &Environment) -> Result<(), vk::Error> {
         let table = EnvironmentTable::of(environment);
         let excess = table.as_ref().filter(|_| self.lobes).and_then(|table| table.of_excess(environment));

@@ -72,6 +72,12 @@ impl Difference {
     }
 }
 
+/// Whether any triangle of an instance emits.
+pub(super) fn emits(scene: &Scene, instance: &Instance) -> bool {
+    let emits = |material: &Material| !material.unlit && material.emission.max_element() > 0.0;
+    scene.meshes[instance.mesh as usize].materials.iter().any(|&of| emits(&scene.materials[of as usize]))
+}
+
 fn shine(material: &Material) -> impl PartialEq {
     (material.emission, material.emission_texture, material.double_sided, material.unlit)
 }
@@ -110,6 +116,10 @@ impl Extent {
         extent
     }
 
+    fn ends(self) -> Option<[Vec3; 2]> {
+        (self.low.x <= self.high.x).then_some([self.low, self.high])
+    }
+
     fn and(self, other: &Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high), area: self.area + other.area }
     }
@@ -131,16 +141,18 @@ impl Movable {
         }
     }
 
-    /// Bounds of the instances that move (m), with their numbers.
-    pub(super) fn places<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = (usize, [Vec3; 2])> + 'a {
+    /// Bounds of the instances that move (m), with their numbers; none of what has no triangle.
+    pub(super) fn places<'a>(
+        &'a self,
+        scene: &'a Scene,
+    ) -> impl Iterator<Item = (usize, Option<[Vec3; 2]>)> + 'a {
         let of = scene.instances.iter().zip(&self.extents).enumerate();
-        of.filter(|(_, (instance, _))| instance.moves).map(|(i, (_, extent))| (i, [extent.low, extent.high]))
+        of.filter(|(_, (instance, _))| instance.moves).map(|(i, (_, extent))| (i, extent.ends()))
     }
 
     /// The scene's bounds (m), none without triangles.
     pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let all = self.extents.iter().fold(Extent::NONE, Extent::and);
-        (all.low.x <= all.high.x).then_some((all.low, all.high))
+        self.extents.iter().fold(Extent::NONE, Extent::and).ends().map(|[low, high]| (low, high))
     }
 
     /// The scene's surface (m²).
@@ -148,17 +160,14 @@ impl Movable {
         self.extents.iter().fold(Extent::NONE, Extent::and).area as f32
     }
 
-    /// Whether all is so near the origin, by the size of what stays, that [`Scene::near_origin`] leaves it where it is.
+    /// Whether all is so near the origin that [`Scene::near_origin`] leaves it where it is.
     pub(super) fn is_near_origin(&self, scene: &Scene) -> bool {
         /// Half of where that begins.
         const NEAR: f32 = 32.0;
-        let still = scene.instances.iter().zip(&self.extents).filter(|(instance, _)| !instance.moves);
-        let still = still.fold(Extent::NONE, |all, (_, extent)| all.and(extent));
-        let limit = NEAR * still.low.distance(still.high);
-        let all = self.extents.iter().fold(Extent::NONE, Extent::and);
-        let reach = all.low.abs().max(all.high.abs()).length();
-        still.low.x <= still.high.x
-            && reach <= limit
+        let Some((low, high)) = self.bounds() else { return true };
+        let limit = NEAR * low.distance(high);
+        let reach = low.abs().max(high.abs()).length();
+        reach <= limit
             && scene.instances.iter().all(|instance| instance.transform.translation.length() <= limit)
     }
 }

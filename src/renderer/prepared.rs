@@ -2,10 +2,10 @@
 //! clone and to edit: an edit replaces what it changes and shares the rest.
 
 use super::drawing::modelling;
-use super::edit::{Difference, Invalidated, Movable, Redone};
+use super::edit::{Difference, Invalidated, Movable, Redone, emits};
 use super::error::Error;
 use crate::accel::boxes::BoxOptions;
-use crate::accel::{Arrangement, Geometry, Structure, StructureReport};
+use crate::accel::{Arrangement, Geometry, Levels, Structure, StructureReport};
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
 use crate::scene::{Feature, Scene, SceneProfile};
@@ -14,6 +14,7 @@ use crate::techniques::Kernels;
 use crate::techniques::indirect::Visibility;
 use crate::vk::{self, Backend};
 use glam::DVec3;
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -79,7 +80,9 @@ impl Prepared {
         let geometry = Geometry::of(&near)?;
         let gpu = GpuScene::upload(device, &near, &geometry)?;
         let structure = Structure::build(device, backend, &geometry, arrangement)?;
-        let movable = geometry.moves().then(|| Movable::of(&near, geometry));
+        // What was taken to another origin is taken there again.
+        let stays = matches!(near, Cow::Borrowed(_));
+        let movable = (stays && geometry.moves()).then(|| Movable::of(&near, geometry));
         Ok(Self {
             area: movable.as_ref().map_or_else(|| near.area() as f32, Movable::area),
             movable,
@@ -173,15 +176,14 @@ impl Prepared {
         &self,
         scene: &Scene,
         difference: Difference,
-        movable: Option<&mut Movable>,
+        mut movable: Option<&mut Movable>,
     ) -> Result<Option<(Resident, Redone)>, Error> {
         let Difference { lights, materials, emission, places, .. } = difference;
         let Resident { mut structure, mut gpu } = Resident::clone(&self.resident);
         let mut structures = Redone::Nothing;
         let (mut shine, mut lit) = (emission, lights || materials);
-        let moved = movable.filter(|_| places);
         if places {
-            let Some(movable) = moved.filter(|_| self.offset == DVec3::ZERO) else { return Ok(None) };
+            let Some(movable) = &mut movable else { return Ok(None) };
             movable.place(scene);
             let bounds = movable.bounds();
             scene.validate_places(movable.places(scene), bounds.unwrap_or_default())?;
@@ -194,15 +196,20 @@ impl Prepared {
             let radius = gpu.data.scene_radius;
             gpu.place(&self.device, bounds, &movable.geometry)?;
             lit |= radius != gpu.data.scene_radius;
-            let moved = |i: usize| self.scene.instances[i].transform != scene.instances[i].transform;
-            shine |= gpu.shines(&movable.geometry, moved);
+            let pairs = self.scene.instances.iter().zip(&scene.instances);
+            shine |= pairs.into_iter().any(|(old, new)| old.transform != new.transform && emits(scene, new));
         }
         if materials {
             gpu.set_materials(&self.device, scene)?;
         }
         if shine {
-            let near = scene.near_origin();
-            gpu.shine(&self.device, &near, &Geometry::of(&near)?)?;
+            match movable {
+                Some(movable) => gpu.shine(&self.device, scene, &movable.geometry)?,
+                None => {
+                    let near = scene.near_origin();
+                    gpu.shine(&self.device, &near, &Geometry::of(&near)?)?;
+                }
+            }
         }
         if lit || shine {
             let near: Vec<_> = scene.lights.iter().map(|light| light.moved(-self.offset)).collect();
@@ -337,6 +344,7 @@ impl Prepared {
         let geometry = Geometry::of(&self.scene.near_origin())?;
         if config.indirect.visibility == Visibility::BoxesInline && !structure.is_whole() {
             structure.rebuild_whole(&self.device, &geometry)?;
+            self.arrangement = Arrangement { whole: true, levels: Levels::One };
         }
         if let Some(options) = boxes(config).filter(|options| !structure.has_boxes(options)) {
             structure.build_boxes(&self.device, &geometry, &options)?;

@@ -306,7 +306,12 @@ impl Stepper {
         self.drawing.kernels = modelling(kernels, config, &self.modelled);
         if self.revision != renderer.revision() {
             self.revision = renderer.revision();
+            self.drawing.origin = renderer.origin();
             self.forget();
+        }
+        // The renderer remembers it as long as scene and camera are the same.
+        if (self.drawing.config.method.asks_free_path)(&self.drawing.config) {
+            self.drawing.free_path = renderer.free_path(&self.drawing.config, &self.camera)?;
         }
         Ok(())
     }

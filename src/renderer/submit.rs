@@ -59,10 +59,10 @@ impl Renderer {
     /// | edit | shading data that is uploaded | structures | pipelines |
     /// |---|---|---|---|
     /// | cameras, names | none | stay | stay |
-    /// | lights | lights, and what they are chosen by | stay | stay unless kinds of light come or go |
-    /// | materials | materials; where emission changes, tables of emissive triangles | stay | stay unless kinds of material come or go |
-    /// | [`Instance::transform`](crate::scene::Instance::transform) where it [is to move](crate::scene::Instance::moves) | a record an instance; where what moves emits, tables of emissive triangles | the level over placements alone; boxes for imperfect visibility all | stay |
-    /// | what rays are blocked by ([`alpha_mode`](crate::scene::Material::alpha_mode), transmission that comes or goes), other instances, meshes, images or environment, a scene that leaves the origin far behind | all | all | stay where they serve |
+    /// | lights | lights, and what they are chosen by | stay | stay unless what there is of them changes |
+    /// | materials | materials; where emission changes, tables of emissive triangles | stay | stay unless what there is of them changes |
+    /// | [`Instance::transform`](crate::scene::Instance::transform) where it [is to move](crate::scene::Instance::moves) | a record an instance; where what moves emits, tables of emissive triangles | the level over placements alone; boxes for imperfect visibility all; all, where there is one level, as `boxes-inline` needs | stay unless there are panes, or the level is deeper than before |
+    /// | what rays are blocked by (of materials `alpha_mode`, and whether they pass light and are panes), other instances, meshes, images or environment, a scene that leaves the origin far behind | all | all | stay where they serve |
     ///
     /// Meshes, images and the environment are the same as before where their `Arc` is. [`Invalidated`] says what was redone. Where
     /// this fails nothing changes.

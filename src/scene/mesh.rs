@@ -50,7 +50,7 @@ pub struct Instance {
     pub mesh: u32,
     /// Object to world. May mirror (negative determinant); the front side is then flipped as glTF says.
     pub transform: Affine3A,
-    /// Whether it is to be placed anew, or its mesh to change shape: then it is traced apart from what stays, which slows
-    /// rays and makes [moving it](crate::renderer::Renderer::edit) cheap. No picture depends on it.
+    /// Whether it is to be placed anew: then it is traced apart from what stays, which slows rays and makes [moving
+    /// it](crate::renderer::Renderer::edit) cheap. Pictures are the same but for rounding and what is left to chance.
     pub moves: bool,
 }

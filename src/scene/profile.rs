@@ -132,6 +132,7 @@ impl SceneProfile {
         let mut used = vec![false; scene.materials.len()];
         let mut profile = Self {
             instances: scene.instances.len(),
+            instanced: scene.instances.iter().any(|instance| instance.moves),
             environment: scene.environment.is_some(),
             ..Self::default()
         };
@@ -277,7 +278,7 @@ impl SceneProfile {
             ),
             (!self.alpha_blend, "no blended materials: every surface covers all behind it"),
             (!self.alpha_mask, "no alpha masks: every triangle is opaque to rays"),
-            (!self.instanced, "every mesh is there once: no two-level traversal"),
+            (!self.instanced, "every mesh is there once and stays: no two-level traversal"),
             (!self.emission, "no emission: none is added to what the camera sees"),
             (!self.unlit, "no unlit materials: every surface is shaded"),
             (self.point_lights == 0, "no point lights"),

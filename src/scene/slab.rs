@@ -287,6 +287,9 @@ fn place_pane(scene: &mut Scene, mesh: usize, place: usize, slab: &Slab, materia
 
 /// Drops the triangles that are gone; those added behind stay.
 fn remove(scene: &mut Scene, mesh: usize, gone: &[bool]) {
+    if !gone.contains(&true) {
+        return;
+    }
     let mesh = scene.mesh_mut(mesh);
     let stays = |index: usize| gone.get(index).is_none_or(|gone| !gone);
     let mut index = 0..;

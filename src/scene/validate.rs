@@ -297,10 +297,10 @@ impl Scene {
     }
 
     /// Checks where instances are, as [`validate`](Self::validate) does: those in `places`, within whose bounds (m) their vertices
-    /// are, and the bounds of all.
+    /// are, if it has any, and the bounds of all.
     pub(crate) fn validate_places(
         &self,
-        places: impl IntoIterator<Item = (usize, [Vec3; 2])>,
+        places: impl IntoIterator<Item = (usize, Option<[Vec3; 2]>)>,
         (low, high): (Vec3, Vec3),
     ) -> Result<(), SceneError> {
         let fail = |element: String, problem: String| SceneError::new(Path::new("scene"), element, problem);
@@ -309,7 +309,7 @@ impl Scene {
             let reached = |end: Vec3| {
                 within_reach("a vertex at", (end.as_dvec3() + self.origin).as_vec3(), MAX_COORDINATE)
             };
-            let checked = instance.check().and_then(|()| ends.into_iter().try_for_each(reached));
+            let checked = instance.check().and_then(|()| ends.into_iter().flatten().try_for_each(reached));
             checked.map_err(|problem| fail(format!("instances[{i}] ({})", instance.name), problem))?;
         }
         check_extent(low.as_dvec3(), high.as_dvec3()).map_err(|problem| fail("size".into(), problem))

@@ -575,7 +575,8 @@ impl Context<'_> {
                     let place = within.at(world);
                     let placement = around.map_or(place, |around| around.placement(mesh, &place));
                     let transform = self.world_f32(i, placement)?;
-                    let moves = carried || reshaped;
+                    // What changes shape is built anew with all the rest.
+                    let moves = carried && !reshaped;
                     scene.instances.push(Instance {
                         name: name.clone(),
                         mesh: mesh as u32,
