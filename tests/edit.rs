@@ -76,6 +76,10 @@ fn picture(renderer: &mut Renderer, config: &RenderConfig, camera: &Camera) -> F
     renderer.render(config, camera, &FrameRequest::default()).unwrap()
 }
 
+fn structures(renderer: &Renderer) -> Vec<String> {
+    renderer.structures().iter().map(|structure| structure.name.clone()).collect()
+}
+
 /// Makes an edit, whose picture must be that of a renderer made anew.
 fn edited(
     renderer: &mut Renderer,
@@ -88,10 +92,7 @@ fn edited(
     assert_eq!(invalidated.pictures, renderer.revision() != before, "{what}");
     let mut fresh = software(device, renderer.scene().clone());
     assert_eq!(renderer.area(), fresh.area(), "{what}");
-    let names = |renderer: &Renderer| -> Vec<String> {
-        renderer.structures().iter().map(|structure| structure.name.clone()).collect()
-    };
-    assert_eq!(names(renderer), names(&fresh), "{what}");
+    assert_eq!(structures(renderer), structures(&fresh), "{what}");
     let [edited, fresh] = [renderer, &mut fresh].map(|renderer| picture(renderer, config, camera));
     assert!(edited.beauty.data.iter().any(|&v| v > 0.0), "{what}");
     assert!(edited.beauty == fresh.beauty, "{what}");
@@ -308,8 +309,7 @@ fn ray_query_follows_what_moves() {
     let first = picture(&mut renderer, &config, &camera);
     let moved = renderer.edit(|scene| scene.instances[CUBES[0]].transform = at(0.9, 0.5, 0.9)).unwrap();
     assert_eq!(moved.structures, Redone::Top);
-    let names: Vec<&str> = renderer.structures().iter().map(|s| &*s.name).collect();
-    assert_eq!(names, ["blas", "tlas"]);
+    assert_eq!(structures(&renderer), ["blas", "tlas"]);
     let mut fresh = made(renderer.scene().clone());
     let [moved, fresh] = [&mut renderer, &mut fresh].map(|renderer| picture(renderer, &config, &camera));
     assert!(moved.beauty != first.beauty);
@@ -321,10 +321,7 @@ fn ray_query_follows_what_moves() {
 fn a_level_is_there_for_what_moves_alone() {
     let Some((_guard, device)) = common::device() else { return };
     let (mut scene, _) = room();
-    let names = |scene: &Scene| -> Vec<String> {
-        let renderer = software(&device, scene.clone());
-        renderer.structures().iter().map(|structure| structure.name.clone()).collect()
-    };
+    let names = |scene: &Scene| structures(&software(&device, scene.clone()));
     assert_eq!(names(&scene), ["software", "software-top"]);
     scene.instances.iter_mut().for_each(|instance| instance.moves = false);
     assert_eq!(names(&scene), ["software"]);

@@ -1,8 +1,8 @@
 //! Two levels for kernels to traverse: nodes over placements above nodes over each mesh's own triangles.
 //!
 //! A mesh is held once however often it is placed, 112 bytes a placement; where that is for the sake of what moves, all that
-//! stays is placed together. Kernels test triangles in the world, rounded as
-//! where all lie in one level, so hits are the same bit for bit; only boxes are met in object space.
+//! stays is placed together. Kernels test triangles in the world, rounded as where all lie in one level, so hits are the same
+//! bit for bit; only boxes are met in object space.
 
 use super::software::{HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, SoftwareBvh, check_count, wide_tree};
 use super::{Error, Geometry, Placed, WorldTriangle};

@@ -50,12 +50,18 @@ enum Built {
 
 #[derive(Debug)]
 struct Software {
-    /// Absent where two levels hold no triangle.
-    nodes: Option<Arc<vk::Buffer>>,
-    triangles: Option<Arc<vk::Buffer>>,
+    lower: Arc<SoftwareLower>,
     top: Option<SoftwareTop>,
     stack_depth: u32,
     whole: bool,
+}
+
+/// The one level, or the lower of two.
+#[derive(Debug)]
+struct SoftwareLower {
+    /// Absent where two levels hold no triangle.
+    nodes: Option<vk::Buffer>,
+    triangles: Option<vk::Buffer>,
 }
 
 #[derive(Debug)]
@@ -79,20 +85,29 @@ impl Software {
             let meshes = Meshes::build(geometry, !whole, each)?;
             let bytes = size_of_val(&meshes.nodes[..]) + size_of_val(&meshes.triangles[..]);
             fits(device, geometry, bytes as u64)?;
-            let nodes = upload(device, "bvh.nodes", bytemuck::cast_slice(&meshes.nodes))?.map(Arc::new);
-            let triangles =
-                upload(device, "bvh.triangles", bytemuck::cast_slice(&meshes.triangles))?.map(Arc::new);
-            let lower = report(Backend::Software.name(), start, bytes, meshes.triangles.len() as u64);
+            let lower = SoftwareLower::upload(
+                device,
+                bytemuck::cast_slice(&meshes.nodes),
+                bytemuck::cast_slice(&meshes.triangles),
+            )?;
+            let of_lower = report(Backend::Software.name(), start, bytes, meshes.triangles.len() as u64);
             let (top, stack_depth, upper) = SoftwareTop::build(device, meshes.places)?;
-            let built = Self { nodes, triangles, top: Some(top), stack_depth, whole };
-            return Ok((built, vec![lower, upper]));
+            let built = Self { lower, top: Some(top), stack_depth, whole };
+            return Ok((built, vec![of_lower, upper]));
         }
         let bvh = SoftwareBvh::build(geometry, !whole, device.info().memory_bytes)?;
-        let nodes = upload(device, "bvh.nodes", bvh.node_bytes())?.map(Arc::new);
-        let triangles = upload(device, "bvh.triangles", bvh.triangle_bytes())?.map(Arc::new);
+        let lower = SoftwareLower::upload(device, bvh.node_bytes(), bvh.triangle_bytes())?;
         let bytes = bvh.bytes() as usize;
         let report = report(Backend::Software.name(), start, bytes, geometry.world_triangle_count());
-        Ok((Self { nodes, triangles, top: None, stack_depth: bvh.stack_depth, whole }, vec![report]))
+        Ok((Self { lower, top: None, stack_depth: bvh.stack_depth, whole }, vec![report]))
+    }
+}
+
+impl SoftwareLower {
+    fn upload(device: &vk::Device, nodes: &[u8], triangles: &[u8]) -> Result<Arc<Self>, vk::Error> {
+        let nodes = upload(device, "bvh.nodes", nodes)?;
+        let triangles = upload(device, "bvh.triangles", triangles)?;
+        Ok(Arc::new(Self { nodes, triangles }))
     }
 }
 
@@ -185,22 +200,14 @@ impl Structure {
                 let (hardware, report) = hardware.moved(device, geometry)?;
                 (Built::Hardware(hardware), report)
             }
-            Built::Software(Software { nodes, triangles, top: Some(top), whole, .. }) => {
+            Built::Software(Software { lower, top: Some(top), whole, .. }) => {
                 let Some(places) = top.places.as_ref().and_then(|places| places.moved(geometry)) else {
                     return Ok(None);
                 };
                 let (top, stack_depth, report) = SoftwareTop::build(device, places)?;
-                let (nodes, triangles) = (nodes.clone(), triangles.clone());
-                (
-                    Built::Software(Software {
-                        nodes,
-                        triangles,
-                        top: Some(top),
-                        stack_depth,
-                        whole: *whole,
-                    }),
-                    report,
-                )
+                let lower = Arc::clone(lower);
+                let software = Software { lower, top: Some(top), stack_depth, whole: *whole };
+                (Built::Software(software), report)
             }
             Built::Software(_) => return Ok(None),
         };
@@ -284,10 +291,9 @@ impl Structure {
     /// Fills in the addresses that kernels traverse.
     pub fn describe(&self, data: &mut SceneData) {
         let address = |buffer: &Option<vk::Buffer>| buffer.as_ref().map_or(0, vk::Buffer::address);
-        let shared = |buffer: &Option<Arc<vk::Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
-        if let Built::Software(Software { nodes, triangles, top, .. }) = &*self.built {
-            data.bvh_nodes = shared(nodes);
-            data.bvh_triangles = shared(triangles);
+        if let Built::Software(Software { lower, top, .. }) = &*self.built {
+            data.bvh_nodes = address(&lower.nodes);
+            data.bvh_triangles = address(&lower.triangles);
             data.bvh_top = top.as_ref().map_or(0, |top| top.nodes.address());
             data.bvh_placements = top.as_ref().map_or(0, |top| address(&top.placements));
         }

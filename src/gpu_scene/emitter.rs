@@ -26,15 +26,14 @@ pub(super) struct Emitter {
 /// Mean power over area (W/m², all channels) that each triangle of `geometry` emits, both sides where it has two. Empty
 /// where none emits.
 pub(super) fn weights(scene: &Scene, geometry: &Geometry) -> Vec<f32> {
-    let emits = |material: &Material| !material.unlit && material.emission.max_element() > 0.0;
-    if !scene.materials.iter().any(emits) {
+    if !scene.materials.iter().any(Material::emits) {
         return Vec::new();
     }
     let decode: [f64; 256] = std::array::from_fn(|i| f64::from(srgb_to_linear(i as f32 / 255.0)));
     let weight = |source: &crate::accel::Source| {
         let mesh = &scene.meshes[source.mesh as usize];
         let material = &scene.materials[mesh.materials[source.triangle as usize] as usize];
-        if !emits(material) {
+        if !material.emits() {
             return 0.0;
         }
         let sides = if material.double_sided { 2.0 } else { 1.0 };

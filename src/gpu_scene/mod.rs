@@ -5,8 +5,8 @@ mod light_tree;
 
 use crate::accel::Geometry;
 use crate::scene::{
-    AlphaMode, Environment, Filter, Light, LightKind, NormalMap, Scene, SceneProfile, TextureRef, TextureUse,
-    Wrap,
+    AlphaMode, Environment, Filter, Light, LightKind, Material, NormalMap, Scene, SceneProfile, TextureRef,
+    TextureUse, Wrap,
 };
 use crate::shaders::{
     self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LightSet, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK,
@@ -38,8 +38,7 @@ pub struct GpuScene {
     emitter_tree: Arc<Subtree>,
     /// Whether any material emits.
     emission: bool,
-    /// What of the environment falls on a square metre of any plane's two sides (W, all channels), and what of it exceeds its
-    /// mean; 0 without one.
+    /// ∫L dω of the environment (W/m², all channels), and of what of it exceeds its mean; 0 without one.
     environment_flux: f64,
     excess_flux: f64,
     /// Whether lobes may be sampled beside an environment.
@@ -106,7 +105,7 @@ impl GpuScene {
         let (materials, textures) = self.materials(device, scene)?;
         self.data.materials = self.array(device, "scene.materials", &materials)?;
         self.data.textures = self.array(device, "scene.textures", &textures)?;
-        self.emission = scene.materials.iter().any(|m| !m.unlit && m.emission != Vec3::ZERO);
+        self.emission = scene.materials.iter().any(Material::emits);
         // Any threshold of what is a mirror may follow.
         let lobes = scene.environment.is_some() && SceneProfile::of(scene, 0.0).rough_lobes;
         let known = self.data.environment != 0 && lobes == self.lobes;

@@ -1,7 +1,7 @@
 //! Edits of a scene on a device: what has changed decides what is redone.
 
 use crate::accel::{Blocks, Geometry};
-use crate::scene::{Instance, Material, Scene};
+use crate::scene::{Instance, Material, Scene, area};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -74,8 +74,7 @@ impl Difference {
 
 /// Whether any triangle of an instance emits.
 pub(super) fn emits(scene: &Scene, instance: &Instance) -> bool {
-    let emits = |material: &Material| !material.unlit && material.emission.max_element() > 0.0;
-    scene.meshes[instance.mesh as usize].materials.iter().any(|&of| emits(&scene.materials[of as usize]))
+    scene.meshes[instance.mesh as usize].materials.iter().any(|&of| scene.materials[of as usize].emits())
 }
 
 fn shine(material: &Material) -> impl PartialEq {
@@ -111,7 +110,7 @@ impl Extent {
         for [a, b, c] in scene.instance_triangles(instance) {
             extent.low = extent.low.min(a).min(b).min(c);
             extent.high = extent.high.max(a).max(b).max(c);
-            extent.area += 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length();
+            extent.area += area([a, b, c]);
         }
         extent
     }
@@ -162,12 +161,6 @@ impl Movable {
 
     /// Whether all is so near the origin that [`Scene::near_origin`] leaves it where it is.
     pub(super) fn is_near_origin(&self, scene: &Scene) -> bool {
-        /// Half of where that begins.
-        const NEAR: f32 = 32.0;
-        let Some((low, high)) = self.bounds() else { return true };
-        let limit = NEAR * low.distance(high);
-        let reach = low.abs().max(high.abs()).length();
-        reach <= limit
-            && scene.instances.iter().all(|instance| instance.transform.translation.length() <= limit)
+        self.bounds().is_none_or(|bounds| scene.is_surely_near_origin(bounds))
     }
 }

@@ -196,8 +196,8 @@ impl Prepared {
             let radius = gpu.data.scene_radius;
             gpu.place(&self.device, bounds, &movable.geometry)?;
             lit |= radius != gpu.data.scene_radius;
-            let pairs = self.scene.instances.iter().zip(&scene.instances);
-            shine |= pairs.into_iter().any(|(old, new)| old.transform != new.transform && emits(scene, new));
+            let mut pairs = self.scene.instances.iter().zip(&scene.instances);
+            shine |= pairs.any(|(old, new)| old.transform != new.transform && emits(scene, new));
         }
         if materials {
             gpu.set_materials(&self.device, scene)?;

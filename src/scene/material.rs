@@ -101,6 +101,11 @@ impl Material {
         self.metallic < 1.0 || self.metallic_roughness_texture.is_some()
     }
 
+    /// Whether it gives light.
+    pub(crate) fn emits(&self) -> bool {
+        !self.unlit && self.emission != Vec3::ZERO
+    }
+
     /// Whether light may pass through some of it.
     pub(crate) fn may_transmit(&self) -> bool {
         !self.unlit && self.transmission > 0.0 && self.may_be_dielectric()

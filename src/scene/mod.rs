@@ -55,6 +55,7 @@ pub use mesh::{Instance, Mesh};
 pub use path::{CameraKey, CameraPath};
 pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;
+pub(crate) use world::area;
 pub use world::{Motion, Scene};
 
 use std::path::Path;

@@ -113,6 +113,15 @@ impl Scene {
         (point - self.origin).as_vec3()
     }
 
+    /// Whether, going by its bounds (m) alone, [`near_origin`](Self::near_origin) leaves it where it is: up to half of where that
+    /// begins.
+    pub(crate) fn is_surely_near_origin(&self, (low, high): (Vec3, Vec3)) -> bool {
+        let limit = 0.5 * FAR as f32 * low.distance(high);
+        let reach = low.abs().max(high.abs()).length();
+        reach <= limit
+            && self.instances.iter().all(|instance| instance.transform.translation.length() <= limit)
+    }
+
     /// The same scene about an [`origin`](Self::origin) of its own, if its centre lies over 64 extents (diagonals of its
     /// bounds) from the one it has; likewise meshes so far from theirs. 32-bit floats are too coarse there: 500 km off they
     /// are 3 cm apart. What importers load is so already, and [`Renderer`](crate::renderer::Renderer) does it to what it is

@@ -211,7 +211,7 @@ impl SceneProfile {
             self.rough_lobes |= rough;
             self.smooth_coats |= !rough || coat.roughness_texture.is_some();
         }
-        self.emission |= material.emission != Vec3::ZERO;
+        self.emission |= material.emits();
         let dielectric =
             material.specular * material.specular_color.max_element() > 0.0 && material.ior > 1.0;
         let specular = material.metallic > 0.0 || dielectric;

@@ -120,9 +120,7 @@ impl Scene {
     /// Area of all triangles in the world (m²), one side each.
     #[must_use]
     pub fn area(&self) -> f64 {
-        self.world_triangles()
-            .map(|[a, b, c]| 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length())
-            .sum()
+        self.world_triangles().map(area).sum()
     }
 
     /// A perspective camera of 45° named `framed` that sees the whole scene from the front, a little from
@@ -162,4 +160,9 @@ impl Scene {
             intensity: Vec3::splat(PI * distance * distance),
         });
     }
+}
+
+/// Of a triangle (m²), one side.
+pub(crate) fn area([a, b, c]: [Vec3; 3]) -> f64 {
+    0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length()
 }
