@@ -6,6 +6,7 @@
 //! frame on the device.
 
 use anyhow::Context;
+use parhelion::accel::Rebuild;
 use parhelion::config::RenderConfig;
 use parhelion::renderer::{FrameRequest, Redone, Renderer, RendererOptions};
 use parhelion::scene::{self, LoadOptions, Scene};
@@ -92,10 +93,38 @@ fn main() -> anyhow::Result<()> {
         })?;
         let clips = scene.clips_together();
         let end = clips.iter().map(|&clip| scene.clips()[clip].end()).fold(0.0, f64::max);
-        let last = frames as f64;
-        bench.row("all clips play", |renderer, number| {
-            let pose = scene.pose(&clips, end * (number as f64 / last) % end).context("a pose")?;
-            Ok(renderer.set_scene(pose)?.structures)
+        let time = |number: usize| end * (number as f64 / frames as f64) % end;
+        let lazy = |number| scene.pose_lazily(&clips, time(number)).context("a pose");
+        bench.row("all clips play", |renderer, number| Ok(renderer.set_scene(lazy(number)?)?.structures))?;
+        if lazy(1)?.deformations.is_empty() {
+            continue;
+        }
+        for (what, rebuild) in
+            [("nodes are fitted", Rebuild::Never), ("nodes are built anew", Rebuild::Always)]
+        {
+            let options = RendererOptions { rebuild, ..RendererOptions::default() };
+            let renderer = Renderer::new(&device, lazy(0)?, &options)?;
+            let mut bench = Bench { renderer, config: &config, frames };
+            let (mut refit, mut anew) = (Vec::new(), Vec::new());
+            bench.row(&format!("all clips play, {what}"), |renderer, number| {
+                let redone = renderer.set_scene(lazy(number)?)?.structures;
+                for structure in renderer.structures() {
+                    match &*structure.name {
+                        "refit" => refit.push(structure.build_ms),
+                        "rebuild" => anew.push(structure.build_ms),
+                        _ => {}
+                    }
+                }
+                Ok(redone)
+            })?;
+            let anew =
+                if anew.is_empty() { String::new() } else { format!(", to build anew {:.3}", median(anew)) };
+            println!("\nms on the device to bring into shape and fit {:.3}{anew}\n", median(refit));
+        }
+        let renderer = Renderer::new(&device, scene.clone(), &RendererOptions::default())?;
+        let mut bench = Bench { renderer, config: &config, frames: frames.div_ceil(10) };
+        bench.row("all clips play, all is built on the host", |renderer, number| {
+            Ok(renderer.set_scene(scene.pose(&clips, time(10 * number))?)?.structures)
         })?;
     }
     Ok(())

@@ -156,6 +156,20 @@ fn what_is_there_is_left_out() {
     assert!(path(&["--noise", "0.5"]).contains("frames: 1 drawn"));
 }
 
+/// A sheet is all of its frames, and all that is written.
+#[test]
+fn a_sheet_holds_its_frames() {
+    let Some(_device) = common::device() else { return };
+    let folder = Folder::new();
+    folder.film(&["--frames", "1-7/3", "--fps", "8", "--sheet", "sheet.png"]);
+    assert_eq!(folder.pictures(), ["sheet.png"]);
+    folder.film(&["--frames", "4", "--fps", "8", "-o", "alone.png"]);
+    let open = |name: &str| image::open(folder.path(name)).unwrap().to_rgb8();
+    let (sheet, alone) = (open("sheet.png"), open("alone.png"));
+    assert_eq!(sheet.dimensions(), (2 * 16 + 2, 2 * 12 + 2));
+    assert!(alone.enumerate_pixels().all(|(x, y, pixel)| sheet.get_pixel(18 + x, y) == pixel));
+}
+
 #[test]
 fn cameras_turn_and_follow_paths() {
     let Some(_device) = common::device() else { return };
@@ -256,6 +270,11 @@ fn bad_usage_is_refused_before_anything_is_drawn() {
     let cases: &[(&[&str], &[&str])] = &[
         (&["--frames", "3-1"], &["--frames", "3-1"]),
         (&["--frames", "1-x"], &["--frames"]),
+        (&["--frames", "1-9/0"], &["--frames"]),
+        (&["--sheet", "s.png"], &["--sheet: needs --frames"]),
+        (&["--frames", "1-2", "--sheet", "s.exr"], &["--sheet: s.exr", ".png"]),
+        (&["--frames", "1-2", "--resume", "--sheet", "s.png"], &["--sheet", "--resume"]),
+        (&["--frames", "1-10000000", "--sheet", "s.png"], &["--sheet", "16384"]),
         (&["--fps", "24"], &["--fps: needs --frames"]),
         (&["--frames", "1", "--fps", "0"], &["--fps"]),
         (&["--frames", "1-2", "-o", "a.png"], &["a.png", "#"]),

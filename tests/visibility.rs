@@ -210,7 +210,7 @@ fn trace(
     options: Option<&BoxOptions>,
     rays: &[Ray],
 ) -> Vec<bool> {
-    let whole = Arrangement { whole: true, levels: Levels::One };
+    let whole = Arrangement { whole: true, levels: Levels::One, ..Arrangement::default() };
     let mut structure = Structure::build(device, backend, geometry, whole).unwrap();
     if let Some(options) = options {
         structure.build_boxes(device, geometry, options).unwrap();

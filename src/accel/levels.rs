@@ -5,7 +5,8 @@
 //! bit for bit; only boxes are met in object space.
 
 use super::software::{HOST_BYTES, LeafTriangle, MAX_STACK_DEPTH, SoftwareBvh, check_count, wide_tree};
-use super::{Error, Geometry, Placed, WorldTriangle};
+use super::{Error, Geometry, Placed, WorldTriangle, world_position};
+use crate::scene::corners;
 use glam::{Affine3A, Mat3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::node::CwBvhNode;
@@ -79,6 +80,27 @@ pub struct Meshes {
     pub triangles: Vec<LeafTriangle>,
     /// What is placed.
     pub places: Places,
+    /// Meshes to be brought into shape; their nodes and triangles come last.
+    pub deforming: Vec<Deforming>,
+}
+
+/// Nodes over a mesh that is to be brought into shape.
+#[derive(Clone, Debug, Default)]
+pub struct Deforming {
+    /// Index into [`Geometry::meshes`].
+    pub mesh: u32,
+    /// The first node, its root.
+    pub first_node: u32,
+    /// Nodes that it has room for.
+    pub node_count: u32,
+    /// The first triangle, in leaf order.
+    pub first_triangle: u32,
+    /// Triangles.
+    pub triangle_count: u32,
+    /// Of each triangle in leaf order its primitive and what a ray must ask of it.
+    pub leaves: Vec<[u32; 2]>,
+    /// Its nodes, those that hold triangles alone first and each above all that it holds.
+    pub heights: Vec<Vec<u32>>,
 }
 
 /// What the lower level's nodes are placed by.
@@ -125,8 +147,14 @@ impl Meshes {
             meshes.append_in_world(0, triangles, together.iter().map(count).sum(), split)?;
         }
         let mut shared = vec![None; geometry.meshes.len()];
-        for (instance, placed) in (0..).zip(&geometry.instances).filter(|(_, placed)| apart(placed)) {
+        // Stable: what changes shape comes last.
+        let mut order: Vec<(u32, &Placed)> =
+            (0..).zip(&geometry.instances).filter(|(_, placed)| apart(placed)).collect();
+        order.sort_by_key(|(_, placed)| geometry.deformed(placed.mesh).is_some());
+        for (instance, placed) in order {
+            let deformed = geometry.deformed(placed.mesh).is_some();
             let Some(inverse) = inverse(&placed.transform) else {
+                debug_assert!(!deformed, "what changes shape can be placed");
                 let triangles =
                     geometry.instance_triangles(instance).map(|t| WorldTriangle { instance: 0, ..t });
                 meshes.append_in_world(instance, triangles, count(&instance), split)?;
@@ -137,7 +165,11 @@ impl Meshes {
                 Some(known) => *known,
                 None => {
                     let object = geometry.object_triangles(geometry.meshes[placed.mesh as usize]);
-                    *known.insert(meshes.append(object, count(&instance), split)?)
+                    *known.insert(if deformed {
+                        meshes.append_deforming(placed.mesh, object)?
+                    } else {
+                        meshes.append(object, count(&instance), split)?
+                    })
                 }
             };
             meshes.places.lower.push(Lower {
@@ -147,10 +179,52 @@ impl Meshes {
                 solid,
                 inverse: Some(inverse),
                 transform: placed.transform,
-                bounds: world_bounds(geometry.instance_triangles(instance)),
+                bounds: placed_bounds(geometry, instance),
             });
         }
+        meshes.places.lower.sort_by_key(|lower| lower.instance);
         Ok(meshes)
+    }
+
+    /// Builds nodes over meshes that are to be brought into shape alone.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build).
+    pub fn deforming(geometry: &Geometry) -> Result<Self, Error> {
+        let mut meshes = Self::default();
+        for mesh in (0..).take(geometry.deformed.len()).filter(|&mesh| geometry.deformed(mesh).is_some()) {
+            let range = geometry.meshes[mesh as usize];
+            check_count(range.triangle_count.into())?;
+            meshes.append_deforming(mesh, geometry.object_triangles(range))?;
+        }
+        Ok(meshes)
+    }
+
+    /// Adds nodes over all triangles of a mesh that is to be brought into shape: they may come to coincide, and to part again.
+    fn append_deforming(
+        &mut self,
+        mesh: u32,
+        triangles: impl Iterator<Item = WorldTriangle>,
+    ) -> Result<(Option<u32>, bool), Error> {
+        let triangles: Vec<WorldTriangle> = triangles.collect();
+        super::room("triangles", triangles.len() as u64, HOST_BYTES)?;
+        let bvh = SoftwareBvh::over(&triangles, false, MESH_DEPTH)?;
+        let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
+        let packed = packed_levels(triangles.len() as u32);
+        let room = bvh.nodes.len().max(packed.iter().sum::<u32>() as usize);
+        self.places.depth = self.places.depth.max(bvh.stack_depth).max(packed.len() as u32);
+        self.deforming.push(Deforming {
+            mesh,
+            first_node,
+            node_count: room as u32,
+            first_triangle,
+            triangle_count: triangles.len() as u32,
+            leaves: bvh.triangles.iter().map(|leaf| [leaf.primitive, leaf.blocks]).collect(),
+            heights: heights(&bvh.nodes, first_node),
+        });
+        self.add(bvh);
+        self.nodes.resize(first_node as usize + room, CwBvhNode::default());
+        Ok((Some(first_node), false))
     }
 
     /// Adds nodes over triangles in the world, which are placed where they are.
@@ -204,6 +278,12 @@ impl Meshes {
             return Ok((None, solid));
         }
         let bvh = SoftwareBvh::over(&triangles, split, MESH_DEPTH)?;
+        self.places.depth = self.places.depth.max(bvh.stack_depth);
+        Ok((Some(self.add(bvh)), solid))
+    }
+
+    /// Adds a tree, and returns its first node.
+    fn add(&mut self, bvh: SoftwareBvh) -> u32 {
         let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
         self.nodes.extend(bvh.nodes.into_iter().map(|node| CwBvhNode {
             child_base_idx: node.child_base_idx + first_node,
@@ -211,9 +291,39 @@ impl Meshes {
             ..node
         }));
         self.triangles.extend(bvh.triangles);
-        self.places.depth = self.places.depth.max(bvh.stack_depth);
-        Ok((Some(first_node), solid))
+        first_node
     }
+}
+
+/// Nodes by how far they are from the triangles below them.
+fn heights(nodes: &[CwBvhNode], first_node: u32) -> Vec<Vec<u32>> {
+    let mut height = vec![0_usize; nodes.len()];
+    for index in (0..nodes.len()).rev() {
+        let first = nodes[index].child_base_idx as usize;
+        let children = first..first + nodes[index].imask.count_ones() as usize;
+        height[index] = children.map(|child| height[child] + 1).max().unwrap_or(0);
+    }
+    let mut all = vec![Vec::new(); height.iter().max().map_or(0, |top| top + 1)];
+    for (index, height) in (0..).zip(height) {
+        all[height].push(first_node + index);
+    }
+    all
+}
+
+/// Nodes of each level, the root's first, of a full tree of eight children a node over so many triangles.
+#[must_use]
+pub fn packed_levels(triangles: u32) -> Vec<u32> {
+    let mut levels = vec![triangles.div_ceil(8).max(1)];
+    while let Some(&below @ 2..) = levels.last() {
+        levels.push(below.div_ceil(8));
+    }
+    levels.reverse();
+    levels
+}
+
+/// Whether what is placed so can be told from where it is.
+pub(crate) fn is_placeable(transform: &Affine3A) -> bool {
+    inverse(transform).is_some()
 }
 
 impl Places {
@@ -231,7 +341,7 @@ impl Places {
         for lower in places.lower.iter_mut().filter(|lower| lower.moves) {
             lower.transform = geometry.instances[lower.instance as usize].transform;
             lower.inverse = Some(inverse(&lower.transform)?);
-            lower.bounds = world_bounds(geometry.instance_triangles(lower.instance));
+            lower.bounds = placed_bounds(geometry, lower.instance);
         }
         let all = geometry.instances.iter().filter(|placed| placed.moves).count();
         (places.lower.iter().filter(|lower| lower.moves).count() == all).then_some(places)
@@ -299,6 +409,17 @@ impl Lower {
             padding1: 0,
             inverse: inverse.to_cols_array_2d().map(|[x, y, z]| [x, y, z, 0.0]),
         }
+    }
+}
+
+/// The box around an instance's triangles, as far as they may come.
+fn placed_bounds(geometry: &Geometry, instance: u32) -> Aabb {
+    let placed = &geometry.instances[instance as usize];
+    match geometry.deformed(placed.mesh) {
+        Some(ends) => {
+            Aabb::from_points(&corners(ends).map(|corner| world_position(&placed.transform, corner).into()))
+        }
+        None => world_bounds(geometry.instance_triangles(instance)),
     }
 }
 

@@ -14,16 +14,18 @@ pub mod boxes;
 pub mod cpu;
 mod hardware;
 pub mod levels;
+mod lower;
 mod report;
 pub mod software;
 mod structure;
 
 pub use report::StructureReport;
-pub use structure::{Arrangement, Levels, Structure, Traversal};
+pub(crate) use structure::DEFORMED;
+pub use structure::{Arrangement, Levels, Rebuild, Structure, Traversal};
 
 use crate::ErrorClass;
 use crate::memory::{Budget, Shortage};
-use crate::scene::{AlphaMode, Instance, Material, Scene};
+use crate::scene::{AlphaMode, Deformation, Instance, Material, Scene};
 use crate::vk;
 use glam::{Affine3A, DVec3, Vec3};
 
@@ -40,6 +42,9 @@ pub struct Geometry {
     pub meshes: Vec<MeshRange>,
     /// Placement 0 is the merged mesh under the identity.
     pub instances: Vec<Placed>,
+    /// Of each mesh that [is to be brought into shape](crate::scene::Scene::deformations) smallest and largest coordinates (m)
+    /// that it may come to have, in object space; empty where none is.
+    pub deformed: Vec<Option<[Vec3; 2]>>,
 }
 
 /// A triangle in the [`Scene`].
@@ -75,7 +80,7 @@ pub struct Placed {
     pub transform: Affine3A,
     /// Index into [`Scene::instances`]; `u32::MAX` for the merged mesh, which holds many.
     pub instance: u32,
-    /// Whether it [is to move](crate::scene::Instance::moves).
+    /// Whether it [is to move](crate::scene::Instance::moves) or to change shape.
     pub moves: bool,
 }
 
@@ -215,8 +220,11 @@ impl Geometry {
         let merged = Placed { mesh: 0, transform: Affine3A::IDENTITY, instance: u32::MAX, moves: false };
         geometry.instances.push(merged);
 
-        let is_merged =
-            |part: &Part| uses[part.mesh as usize] == 1 && !scene.instances[part.instance as usize].moves;
+        let is_merged = |part: &Part| {
+            uses[part.mesh as usize] == 1
+                && !scene.instances[part.instance as usize].moves
+                && scene.deformation(part.mesh).is_none()
+        };
         let once: Vec<Part> = parts(scene).filter(is_merged).collect();
         geometry.append(scene, &once, &blocks, |part, point| {
             world_position(&scene.instances[part.instance as usize].transform, point)
@@ -227,8 +235,10 @@ impl Geometry {
             let mesh = *range_of[part.mesh as usize]
                 .get_or_insert_with(|| geometry.append(scene, &[part], &blocks, |_, point| point));
             let Instance { transform, moves, .. } = scene.instances[part.instance as usize];
+            let moves = moves || scene.deformation(part.mesh).is_some();
             geometry.instances.push(Placed { mesh, transform, instance: part.instance, moves });
         }
+        geometry.place(scene);
         Ok(geometry)
     }
 
@@ -274,11 +284,22 @@ impl Geometry {
         self.meshes.len() as u32 - 1
     }
 
-    /// Places what moves as it is in `scene`, of which nothing else has changed.
+    /// Places what moves as it is in `scene`, of which nothing else has changed but shapes.
     pub fn place(&mut self, scene: &Scene) {
+        let any = !scene.deformations.is_empty();
+        self.deformed.resize(if any { self.meshes.len() } else { 0 }, None);
         for placed in self.instances.iter_mut().filter(|placed| placed.moves) {
-            placed.transform = scene.instances[placed.instance as usize].transform;
+            let Instance { transform, mesh, .. } = scene.instances[placed.instance as usize];
+            placed.transform = transform;
+            if any {
+                self.deformed[placed.mesh as usize] = scene.deformation(mesh).map(Deformation::bounds);
+            }
         }
+    }
+
+    /// Where a mesh's vertices may come to be, in object space, if it is to be brought into shape.
+    fn deformed(&self, mesh: u32) -> Option<[Vec3; 2]> {
+        self.deformed.get(mesh as usize).copied().flatten()
     }
 
     /// Number of triangles with every instance counted.
@@ -322,10 +343,8 @@ impl Geometry {
         self.instances.iter().any(|placed| placed.moves)
     }
 
-    /// The largest number that enters the computation of a world position (m): world coordinates, and of
-    /// placed meshes also the terms that cancel when a distant object space is moved here.
-    #[must_use]
-    pub fn largest_coordinate(&self) -> f32 {
+    /// Of each mesh the largest coordinates of its triangles, by axis (m), deformations left out.
+    pub(crate) fn extents(&self) -> Vec<Vec3> {
         let extent = |range: &MeshRange| {
             let first = range.first_triangle as usize;
             self.triangles[first..first + range.triangle_count as usize]
@@ -333,9 +352,20 @@ impl Geometry {
                 .flatten()
                 .fold(Vec3::ZERO, |largest, &corner| largest.max(self.positions[corner as usize].abs()))
         };
-        let extents: Vec<Vec3> = self.meshes.iter().map(extent).collect();
+        self.meshes.iter().map(extent).collect()
+    }
+
+    /// The largest number that enters the computation of a world position (m): world coordinates, and of
+    /// placed meshes also the terms that cancel when a distant object space is moved here.
+    #[must_use]
+    pub fn largest_coordinate(&self) -> f32 {
+        self.largest_of(&self.extents())
+    }
+
+    fn largest_of(&self, extents: &[Vec3]) -> f32 {
         self.instances.iter().zip(0..).fold(0.0_f32, |largest, (placed, index)| {
-            let extent = extents[placed.mesh as usize];
+            let deformed = self.deformed(placed.mesh).map(|[low, high]| low.abs().max(high.abs()));
+            let extent = deformed.unwrap_or(extents[placed.mesh as usize]);
             let bound = if index == 0 {
                 extent
             } else {
@@ -355,7 +385,12 @@ impl Geometry {
     /// [`OFFSET_ULPS`] units in the last place of the largest coordinate.
     #[must_use]
     pub fn ray_epsilon(&self) -> f32 {
-        OFFSET_ULPS * f32::EPSILON * self.largest_coordinate()
+        self.ray_epsilon_of(&self.extents())
+    }
+
+    /// The same where the meshes' [extents](Self::extents) are known.
+    pub(crate) fn ray_epsilon_of(&self, extents: &[Vec3]) -> f32 {
+        OFFSET_ULPS * f32::EPSILON * self.largest_of(extents)
     }
 }
 

@@ -429,6 +429,7 @@ mod tests {
                 instance: u32::MAX,
                 moves: false,
             }],
+            deformed: Vec::new(),
         }
     }
 

@@ -1,8 +1,9 @@
 use super::boxes::{BoxOptions, Boxes};
-use super::hardware::{Hardware, HardwareBoxes};
+use super::hardware::{Hardware, HardwareBoxes, Remade};
 use super::{
     Error, Geometry, StructureReport,
-    levels::{self, Meshes, Places},
+    levels::{self, Deforming, Meshes, Places},
+    lower::SoftwareLower,
     software::{MAX_STACK_DEPTH, SoftwareBoxes, SoftwareBvh},
     upload,
 };
@@ -19,6 +20,20 @@ pub struct Arrangement {
     pub whole: bool,
     /// Whether placements have a level of their own.
     pub levels: Levels,
+    /// When nodes over what [is brought into shape](crate::scene::Scene::deformations) are built anew.
+    pub rebuild: Rebuild,
+}
+
+/// When nodes over what [is brought into shape](crate::scene::Scene::deformations) are built anew, rather than fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rebuild {
+    /// Once a ray is expected to visit twice what it was after the last build, nodes and triangles, by their surface areas.
+    #[default]
+    AsNeeded,
+    /// Never.
+    Never,
+    /// For each shape.
+    Always,
 }
 
 /// Whether placements have a level of their own.
@@ -33,6 +48,9 @@ pub enum Levels {
     /// For all placements.
     Two,
 }
+
+/// Names of reports on what is done for each shape: all that is fitted, and what is built anew.
+pub(crate) const DEFORMED: [&str; 2] = ["refit", "rebuild"];
 
 /// A structure on the device that answers rays for one backend. Clones share what is built.
 #[derive(Clone, Debug)]
@@ -56,18 +74,10 @@ struct Software {
     whole: bool,
 }
 
-/// The one level, or the lower of two.
-#[derive(Debug)]
-struct SoftwareLower {
-    /// Absent where two levels hold no triangle.
-    nodes: Option<vk::Buffer>,
-    triangles: Option<vk::Buffer>,
-}
-
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct SoftwareTop {
-    nodes: vk::Buffer,
-    placements: Option<vk::Buffer>,
+    nodes: Arc<vk::Buffer>,
+    placements: Option<Arc<vk::Buffer>>,
     /// Where something is to move.
     places: Option<Places>,
 }
@@ -78,36 +88,25 @@ impl Software {
         geometry: &Geometry,
         arrangement: Arrangement,
     ) -> Result<(Self, Vec<StructureReport>), Error> {
-        let Arrangement { whole, levels } = arrangement;
+        let Arrangement { whole, levels, .. } = arrangement;
         let start = Instant::now();
         let each = levels == Levels::Two || levels == Levels::AsNeeded && levels::worthwhile(geometry);
         if each || levels == Levels::AsNeeded && geometry.moves() {
             let meshes = Meshes::build(geometry, !whole, each)?;
             let bytes = size_of_val(&meshes.nodes[..]) + size_of_val(&meshes.triangles[..]);
             fits(device, geometry, bytes as u64)?;
-            let lower = SoftwareLower::upload(
-                device,
-                bytemuck::cast_slice(&meshes.nodes),
-                bytemuck::cast_slice(&meshes.triangles),
-            )?;
-            let of_lower = report(Backend::Software.name(), start, bytes, meshes.triangles.len() as u64);
-            let (top, stack_depth, upper) = SoftwareTop::build(device, meshes.places)?;
+            let (places, triangles) = (meshes.places.clone(), meshes.triangles.len() as u64);
+            let lower = SoftwareLower::of(device, meshes)?;
+            let of_lower = report(Backend::Software.name(), start, bytes, triangles);
+            let (top, stack_depth, upper) = SoftwareTop::build(device, places)?;
             let built = Self { lower, top: Some(top), stack_depth, whole };
             return Ok((built, vec![of_lower, upper]));
         }
         let bvh = SoftwareBvh::build(geometry, !whole, device.info().memory_bytes)?;
-        let lower = SoftwareLower::upload(device, bvh.node_bytes(), bvh.triangle_bytes())?;
+        let lower = SoftwareLower::upload(device, bvh.node_bytes(), bvh.triangle_bytes(), Vec::new())?;
         let bytes = bvh.bytes() as usize;
         let report = report(Backend::Software.name(), start, bytes, geometry.world_triangle_count());
         Ok((Self { lower, top: None, stack_depth: bvh.stack_depth, whole }, vec![report]))
-    }
-}
-
-impl SoftwareLower {
-    fn upload(device: &vk::Device, nodes: &[u8], triangles: &[u8]) -> Result<Arc<Self>, vk::Error> {
-        let nodes = upload(device, "bvh.nodes", nodes)?;
-        let triangles = upload(device, "bvh.triangles", triangles)?;
-        Ok(Arc::new(Self { nodes, triangles }))
     }
 }
 
@@ -118,8 +117,9 @@ impl SoftwareTop {
         let top = places.top()?;
         let stack_depth = places.stack_depth(&top);
         let built = Self {
-            nodes: device.upload("bvh.top", bytemuck::cast_slice(&top.nodes))?,
-            placements: upload(device, "bvh.placements", bytemuck::cast_slice(&top.placements))?,
+            nodes: device.upload("bvh.top", bytemuck::cast_slice(&top.nodes))?.into(),
+            placements: upload(device, "bvh.placements", bytemuck::cast_slice(&top.placements))?
+                .map(Arc::new),
             places: places.move_any().then_some(places),
         };
         let bytes = size_of_val(&top.nodes[..]) + size_of_val(&top.placements[..]);
@@ -217,6 +217,65 @@ impl Structure {
         Ok(Some(Self { built: Arc::new(built), boxes: None, reports }))
     }
 
+    /// Our nodes and triangles of the lower level, and what of them is to be brought into shape, if anything is.
+    pub(crate) fn deforming(&self) -> Option<(&Arc<vk::Buffer>, &Arc<vk::Buffer>, &[Deforming])> {
+        let lower = match &*self.built {
+            Built::Software(software) => &software.lower,
+            Built::Hardware(hardware) => hardware.changing()?,
+        };
+        let (nodes, triangles) = (lower.nodes.as_ref()?, lower.triangles.as_ref()?);
+        (!lower.deforming.is_empty()).then_some((nodes, triangles, &lower.deforming))
+    }
+
+    /// The driver's structures for meshes in the shape that `positions` have, `anew` those of these numbers; none where there
+    /// are only ours.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub(crate) fn remake(
+        &self,
+        device: &vk::Device,
+        positions: &Arc<vk::Buffer>,
+        anew: &[usize],
+    ) -> Result<Vec<Arc<Remade>>, Error> {
+        match &*self.built {
+            Built::Software(_) => Ok(Vec::new()),
+            Built::Hardware(hardware) => {
+                Ok(hardware.remake(device, positions, anew)?.into_iter().map(Arc::new).collect())
+            }
+        }
+    }
+
+    /// The same with other nodes and triangles of our lower level, the driver's structures that were remade, which are yet to be
+    /// [placed](Self::moved), and what it took; structures over boxes are left out.
+    pub(crate) fn deformed(
+        &self,
+        nodes: Arc<vk::Buffer>,
+        triangles: Arc<vk::Buffer>,
+        remade: &[Arc<Remade>],
+        made: impl IntoIterator<Item = StructureReport>,
+    ) -> Self {
+        let mut reports = self.reports.clone();
+        reports.retain(|report| !DEFORMED.contains(&&*report.name) && !report.name.starts_with("boxes"));
+        reports.extend(made);
+        let lower = |before: &SoftwareLower| SoftwareLower {
+            nodes: Some(nodes),
+            triangles: Some(triangles),
+            deforming: Arc::clone(&before.deforming),
+        };
+        let built = match &*self.built {
+            Built::Software(Software { lower: before, top, stack_depth, whole }) => {
+                let (lower, top) = (Arc::new(lower(before)), top.clone());
+                Built::Software(Software { lower, top, stack_depth: *stack_depth, whole: *whole })
+            }
+            Built::Hardware(hardware) => {
+                let before = hardware.changing().expect("something is brought into shape");
+                Built::Hardware(hardware.deformed(lower(before), remade))
+            }
+        };
+        Self { built: Arc::new(built), boxes: None, reports }
+    }
+
     /// Whether the boxes of all leaves bound whole triangles in the world, as visibility by leaves' boxes needs.
     #[must_use]
     pub fn is_whole(&self) -> bool {
@@ -228,7 +287,7 @@ impl Structure {
     /// # Errors
     /// Too little memory; then all stays as it was.
     pub fn rebuild_whole(&mut self, device: &vk::Device, geometry: &Geometry) -> Result<(), Error> {
-        let whole = Arrangement { whole: true, levels: Levels::One };
+        let whole = Arrangement { whole: true, levels: Levels::One, ..Arrangement::default() };
         let (software, reports) = Software::build(device, geometry, whole)?;
         let boxes = self.reports.drain(..).filter(|report| report.name.starts_with("boxes"));
         self.reports = reports.into_iter().chain(boxes).collect();
@@ -291,11 +350,12 @@ impl Structure {
     /// Fills in the addresses that kernels traverse.
     pub fn describe(&self, data: &mut SceneData) {
         let address = |buffer: &Option<vk::Buffer>| buffer.as_ref().map_or(0, vk::Buffer::address);
+        let shared = |buffer: &Option<Arc<vk::Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
         if let Built::Software(Software { lower, top, .. }) = &*self.built {
-            data.bvh_nodes = address(&lower.nodes);
-            data.bvh_triangles = address(&lower.triangles);
+            data.bvh_nodes = shared(&lower.nodes);
+            data.bvh_triangles = shared(&lower.triangles);
             data.bvh_top = top.as_ref().map_or(0, |top| top.nodes.address());
-            data.bvh_placements = top.as_ref().map_or(0, |top| address(&top.placements));
+            data.bvh_placements = top.as_ref().map_or(0, |top| shared(&top.placements));
         }
         let Some(boxes) = &self.boxes else { return };
         data.boxes = address(&boxes.bounds);

@@ -163,14 +163,37 @@ pub(super) struct Settings {
     pub(super) define: Vec<String>,
 }
 
+/// Numbers of frames, at least one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Frames {
+    pub(super) range: RangeInclusive<u32>,
+    /// From one to the next, at least 1.
+    pub(super) step: u32,
+}
+
+impl Frames {
+    pub(super) fn iter(&self) -> impl Iterator<Item = u32> + use<> {
+        self.range.clone().step_by(self.step as usize)
+    }
+
+    pub(super) fn count(&self) -> usize {
+        ((self.range.end() - self.range.start()) / self.step) as usize + 1
+    }
+}
+
 /// Frames of a film.
 #[derive(clap::Args)]
 pub(super) struct Film {
-    /// Frames of a film, such as 1-240 or 17.
+    /// Frames of a film, such as 1-240, 1-240/10 (every tenth) or 17.
     ///
     /// Frame N shows the scene at N/fps seconds. Names of its files have a # or more where the frame's number goes.
     #[arg(long, value_name = "A-B", help_heading = FILM, value_parser = frames)]
-    pub(super) frames: Option<RangeInclusive<u32>>,
+    pub(super) frames: Option<Frames>,
+    /// Write all frames side by side in rows, as one picture.
+    ///
+    /// It is written anew with each frame. Without -o it is all that is written.
+    #[arg(long, value_name = "FILE.png", help_heading = FILM, hide_short_help = true, conflicts_with = "resume")]
+    pub(super) sheet: Option<PathBuf>,
     /// Frames a second [default: 24].
     #[arg(long, value_name = "N", help_heading = FILM, value_parser = rate)]
     pub(super) fps: Option<f64>,
@@ -649,16 +672,17 @@ fn aov(text: &str) -> Result<Aov, String> {
     })
 }
 
-fn frames(text: &str) -> Result<RangeInclusive<u32>, String> {
-    let expected = || "expected a frame, such as 17, or two, such as 1-240, the first no later".to_owned();
-    let (first, last) = text.split_once('-').unwrap_or((text, text));
-    let [first, last] =
-        [first, last].map(|word| word.parse::<u32>().ok().filter(|&frame| frame <= 100_000_000));
-    first
-        .zip(last)
-        .filter(|(first, last)| first <= last)
-        .map(|(first, last)| first..=last)
-        .ok_or_else(expected)
+fn frames(text: &str) -> Result<Frames, String> {
+    let expected = || {
+        "expected a frame, such as 17, or two, such as 1-240, the first no later, and after a / from one to the next"
+            .to_owned()
+    };
+    let (range, step) = text.split_once('/').unwrap_or((text, "1"));
+    let (first, last) = range.split_once('-').unwrap_or((range, range));
+    let [first, last, step] =
+        [first, last, step].map(|word| word.parse::<u32>().ok().filter(|&frame| frame <= 100_000_000));
+    let (Some(first), Some(last), Some(step)) = (first, last, step) else { return Err(expected()) };
+    (first <= last && step > 0).then_some(Frames { range: first..=last, step }).ok_or_else(expected)
 }
 
 fn share(text: &str) -> Result<f64, String> {

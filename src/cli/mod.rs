@@ -18,6 +18,7 @@ mod report;
 mod scene;
 mod sequence;
 mod settings;
+mod sheet;
 mod stats;
 mod stress;
 mod table;

@@ -7,6 +7,7 @@ use super::print::print;
 use super::progress::Reporter;
 use super::sequence::{Files, Sequence};
 use super::settings::settings;
+use super::sheet::Sheet;
 use super::stats::stats;
 use super::table::table;
 use super::{economy, interrupt, scene};
@@ -42,6 +43,8 @@ struct Drawn {
     failed: Option<renderer::Error>,
     /// It has fewer samples than it should.
     cut: bool,
+    /// [`Frame::display`].
+    display: Vec<u8>,
 }
 
 pub(super) fn run(args: &Render) -> Result<(), Failure> {
@@ -150,17 +153,21 @@ impl Job<'_> {
             let name = config.method.name;
             reporter.note(&format!("motion blur is left out (--shutter): --method {name} draws a moment"));
         }
-        if sequence.count() > 1 && config.tone_map.exposure.is_none() && files.shows_screens() {
-            reporter.note("each .png has an exposure of its own: --exposure keeps brightness even");
+        let screens = files.shows_screens() || args.film.sheet.is_some();
+        if sequence.count() > 1 && config.tone_map.exposure.is_none() && screens {
+            reporter.note("each frame is shown at an exposure of its own: --exposure keeps brightness even");
         }
-        let device = scene::device(&args.machine)?;
         let count = sequence.count();
+        let size = config.crop.map_or(config.size, |[x0, y0, x1, y1]| [x1 - x0, y1 - y0]);
+        let sheet = args.film.sheet.clone().map(|file| Sheet::new(file, count, size));
+        let mut sheet = sheet.transpose()?;
+        let device = scene::device(&args.machine)?;
         let (mut drawn, mut left_out): (Vec<f64>, usize) = (Vec::new(), 0);
         let mut said = Vec::new();
         let (mut last, mut kept) = (None, None::<Renderer>);
         interrupt::heeded();
         reporter.stage("render", &self.name);
-        for (index, frame) in sequence.frames.clone().enumerate() {
+        for (index, frame) in sequence.frames.iter().enumerate() {
             let begun = Instant::now();
             if interrupt::CANCEL.load(Ordering::SeqCst) {
                 return Err(renderer::Error::Cancelled.into());
@@ -220,6 +227,9 @@ impl Job<'_> {
             if picture.cut {
                 return Err(renderer::Error::Cancelled.into());
             }
+            if let Some(sheet) = &mut sheet {
+                sheet.add(&picture.display)?;
+            }
             drawn.push(begun.elapsed().as_secs_f64());
             interrupt::heeded();
             last = Some(picture.report);
@@ -231,6 +241,9 @@ impl Job<'_> {
             "frames: {} drawn in {seconds:.1} s, {left_out} left out: they are there",
             drawn.len()
         );
+        if let Some(file) = &args.film.sheet {
+            let _ = writeln!(report, "{}: {count} frames side by side", text::path(file));
+        }
         if !args.machine.quiet {
             reporter.clear();
             print(&report)?;
@@ -422,7 +435,7 @@ impl Job<'_> {
             let _ = writeln!(report, "{}: statistics", text::path(file));
         }
         let cut = interrupt::CANCEL.load(Ordering::SeqCst) && short;
-        Ok(Drawn { report, failed, cut })
+        Ok(Drawn { report, failed, cut, display: frame.display })
     }
 }
 
@@ -467,7 +480,7 @@ fn denoiser(args: &Render) -> Result<Option<Denoiser>, Failure> {
 /// Every file to write, known to be writable before anything is computed.
 fn files(args: &Render, sequence: Option<&Sequence>) -> Result<Files, Failure> {
     let mut pictures = args.output.clone();
-    if pictures.is_empty() {
+    if pictures.is_empty() && args.film.sheet.is_none() {
         let mut name = scene::stem(&args.common);
         name.push(if sequence.is_some() { ".####.png" } else { ".png" });
         pictures.push(name.into());
@@ -495,10 +508,16 @@ fn files(args: &Render, sequence: Option<&Sequence>) -> Result<Files, Failure> {
     if let Some(sequence) = sequence {
         sequence.check(&files)?;
     }
-    let first = sequence.map(|sequence| files.of_frame(*sequence.frames.start()));
+    let first = sequence.map(|sequence| files.of_frame(*sequence.frames.range.start()));
     let first = first.as_ref().unwrap_or(&files);
-    for (index, file) in first.all().enumerate() {
-        if first.all().take(index).any(|earlier| earlier == file) {
+    if let Some(sheet) = &args.film.sheet
+        && extension(sheet).as_deref() != Some("png")
+    {
+        return Err(input!("--sheet: {}: it is written as .png", sheet.display()));
+    }
+    let all = || first.all().chain(&args.film.sheet);
+    for (index, file) in all().enumerate() {
+        if all().take(index).any(|earlier| earlier == file) {
             return Err(input!("{}: named twice", file.display()));
         }
         output::check_writable(file).map_err(Failure::input)?;

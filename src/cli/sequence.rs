@@ -1,6 +1,6 @@
 //! `parhelion render --frames`: which frames, when they are, what sees them and where they go.
 
-use super::args::Render;
+use super::args::{Frames, Render};
 use super::failure::{Failure, input};
 use super::progress::Reporter;
 use super::scene;
@@ -9,12 +9,11 @@ use crate::output::extension;
 use crate::scene::{Camera, CameraPath, Scene};
 use std::collections::HashSet;
 use std::f32::consts::TAU;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// A film.
 pub(super) struct Sequence {
-    pub(super) frames: RangeInclusive<u32>,
+    pub(super) frames: Frames,
     fps: f64,
     /// Share of a frame's time that the shutter is open.
     shutter: f64,
@@ -75,9 +74,10 @@ impl Sequence {
         };
         let frames = match (&film.frames, &way) {
             (Some(frames), _) => frames.clone(),
-            (None, Way::Turntable(count)) => 1..=*count,
+            (None, Way::Turntable(count)) => Frames { range: 1..=*count, step: 1 },
             (None, _) if film.fps.is_some() => return Err(input!("--fps: needs --frames")),
             (None, _) if film.shutter.is_some() => return Err(input!("--shutter: needs --frames")),
+            (None, _) if film.sheet.is_some() => return Err(input!("--sheet: needs --frames")),
             (None, _) if film.animation.is_some() => return Err(input!("--animation: needs --frames")),
             (None, _) if matches!(args.resume, Some(None)) => {
                 return Err(input!("--resume: needs the picture to go on from, or --frames"));
@@ -112,7 +112,7 @@ impl Sequence {
     }
 
     pub(super) fn count(&self) -> usize {
-        self.frames.clone().count()
+        self.frames.count()
     }
 
     /// What is asked of its frames beside settings, in words.
@@ -180,7 +180,7 @@ impl Sequence {
         frame: f64,
     ) -> Result<(Scene, Camera), Failure> {
         let time = frame / self.fps;
-        let scene = base.pose(clips, time).map_err(|error| Failure {
+        let scene = base.pose_lazily(clips, time).map_err(|error| Failure {
             class: error.class(),
             error: anyhow::anyhow!("frame {frame}, at {time} s: {error}"),
         })?;
@@ -206,7 +206,7 @@ impl Sequence {
         }
         // Of longer films the first frames will do.
         let mut written = HashSet::new();
-        for frame in self.frames.clone().take(100_000) {
+        for frame in self.frames.iter().take(100_000) {
             for file in files.of_frame(frame).all() {
                 if files.all().count() > 1 && !written.insert(file.clone()) {
                     return Err(input!(
@@ -244,7 +244,12 @@ mod tests {
 
     #[test]
     fn samples_are_spread_over_the_open_shutter() {
-        let film = |shutter| Sequence { frames: 1..=1, fps: 24.0, shutter, way: Way::Scene };
+        let film = |shutter| Sequence {
+            frames: Frames { range: 1..=1, step: 1 },
+            fps: 24.0,
+            shutter,
+            way: Way::Scene,
+        };
         assert_eq!(film(0.0).moments(7, Some(100)), [(7.0, 100)]);
         assert_eq!(film(0.5).moments(7, None), [(7.0, 1)]);
         assert_eq!(film(0.5).moments(7, Some(2)), [(7.125, 1), (7.375, 2)]);

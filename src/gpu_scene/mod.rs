@@ -72,7 +72,7 @@ impl GpuScene {
         gpu.data.colors = gpu.array(device, "scene.colors", &attributes.colors)?;
         gpu.data.tangents = gpu.array(device, "scene.tangents", &tangents(scene, geometry))?;
         gpu.data.triangle_count = u32::try_from(geometry.world_triangle_count()).unwrap_or(u32::MAX);
-        gpu.place(device, scene.bounds(), geometry)?;
+        gpu.place(device, scene.bounds(), geometry, geometry.ray_epsilon())?;
         gpu.set_materials(device, scene)?;
         gpu.shine(device, scene, geometry)?;
         gpu.set_lights(device, &scene.lights)?;
@@ -88,9 +88,10 @@ impl GpuScene {
         device: &vk::Device,
         bounds: Option<(Vec3, Vec3)>,
         geometry: &Geometry,
+        ray_epsilon: f32,
     ) -> Result<(), vk::Error> {
         self.data.instances = self.array(device, "scene.instances", &instances(geometry))?;
-        self.data.ray_epsilon = geometry.ray_epsilon();
+        self.data.ray_epsilon = ray_epsilon;
         let (low, high) = bounds.unwrap_or_default();
         self.data.scene_center = ((low + high) * 0.5).to_array();
         self.data.scene_radius = 0.5 * low.distance(high);
@@ -241,6 +242,21 @@ impl GpuScene {
         self.data.lights_beside_lobes = set(sampled, excess);
         self.data.light_nodes = self.array(device, "scene.light_nodes", &nodes)?;
         Ok(())
+    }
+
+    /// Positions of vertices, and normals where there are any.
+    pub(crate) fn vertices(&self) -> Option<(&Arc<vk::Buffer>, Option<&Arc<vk::Buffer>>)> {
+        Some((self.buffers.get("scene.positions")?, self.buffers.get("scene.normals")))
+    }
+
+    /// Replaces them.
+    pub(crate) fn set_vertices(&mut self, positions: Arc<vk::Buffer>, normals: Option<Arc<vk::Buffer>>) {
+        self.data.positions = positions.address();
+        self.buffers.insert("scene.positions".into(), positions);
+        if let Some(normals) = normals {
+            self.data.normals = normals.address();
+            self.buffers.insert("scene.normals".into(), normals);
+        }
     }
 
     /// Whether anything that has a size shines: emissive triangles or the environment.

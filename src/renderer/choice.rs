@@ -48,7 +48,7 @@ impl Renderer {
         };
         // Visibility by leaves' boxes needs whole triangles in the world.
         let levels = if software_only { Levels::One } else { options.levels };
-        let arrangement = Arrangement { whole: software_only, levels };
+        let arrangement = Arrangement { whole: software_only, levels, rebuild: options.rebuild };
         Self::of(Arc::new(Prepared::new(device, scene.into(), backend, reason, arrangement)?))
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::accel::{Blocks, Geometry};
 use crate::scene::{Instance, Material, Scene, area};
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
 /// What an edit makes worthless, and what it took.
@@ -26,6 +26,8 @@ pub enum Redone {
     Nothing,
     /// The level over placements, and boxes for imperfect visibility where there are any.
     Top,
+    /// That, and below it what [is brought into shape](crate::scene::Scene::deformations): fitted to it, or built anew.
+    Shapes,
     /// All of it.
     All,
 }
@@ -40,6 +42,8 @@ pub(super) struct Difference {
     pub(super) emission: bool,
     /// Where instances are that are to move.
     pub(super) places: bool,
+    /// Into which shapes meshes are to be brought.
+    pub(super) shapes: bool,
     /// All else.
     pub(super) rest: bool,
 }
@@ -51,6 +55,7 @@ impl Difference {
         let other = |(a, b): (&Instance, &Instance)| {
             (a.mesh, a.moves) != (b.mesh, b.moves) || !a.moves && other_place((a, b))
         };
+        let shapes = || old.deformations.iter().zip(&new.deformations);
         let materials = || old.materials.iter().zip(&new.materials);
         let blocks = |(a, b): (&Material, &Material)| Blocks::of(a) != Blocks::of(b);
         let rest = old.origin != new.origin
@@ -58,6 +63,8 @@ impl Difference {
             || !same(&old.images, &new.images)
             || !same(old.environment.as_slice(), new.environment.as_slice())
             || old.instances.len() != new.instances.len()
+            || old.deformations.len() != new.deformations.len()
+            || shapes().any(|(a, b)| !a.is_of(b))
             || pairs().any(other)
             || old.materials.len() != new.materials.len()
             || materials().any(blocks);
@@ -67,6 +74,7 @@ impl Difference {
             materials: old.materials != new.materials,
             emission: materials().any(|(a, b)| shine(a) != shine(b)),
             places: pairs().any(other_place),
+            shapes: shapes().any(|(a, b)| !a.is_same(b)),
             rest,
         }
     }
@@ -89,6 +97,8 @@ fn same<T>(old: &[Arc<T>], new: &[Arc<T>]) -> bool {
 #[derive(Clone, Debug)]
 pub(super) struct Movable {
     pub(super) geometry: Arc<Geometry>,
+    /// [Of meshes](Geometry::extents).
+    reach: Arc<[Vec3]>,
     /// One an instance of the scene.
     extents: Vec<Extent>,
 }
@@ -96,23 +106,27 @@ pub(super) struct Movable {
 /// Of an instance in the world.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
+    transform: Affine3A,
     low: Vec3,
     high: Vec3,
-    /// m².
+    /// m²; of what is brought into shape at rest.
     area: f64,
 }
 
 impl Extent {
-    const NONE: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, area: 0.0 };
+    const NONE: Self =
+        Self { transform: Affine3A::IDENTITY, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, area: 0.0 };
 
     fn of(scene: &Scene, instance: &Instance) -> Self {
-        let mut extent = Self::NONE;
-        for [a, b, c] in scene.instance_triangles(instance) {
-            extent.low = extent.low.min(a).min(b).min(c);
-            extent.high = extent.high.max(a).max(b).max(c);
-            extent.area += area([a, b, c]);
-        }
-        extent
+        let areas = scene.instance_triangles(instance).map(area);
+        let extent = Self { transform: instance.transform, area: areas.sum(), ..Self::NONE };
+        extent.reaching(scene, instance)
+    }
+
+    fn reaching(self, scene: &Scene, instance: &Instance) -> Self {
+        let Self { low, high, .. } = Self::NONE;
+        let ends = scene.reach(instance).fold((low, high), |(low, high), p| (low.min(p), high.max(p)));
+        Self { low: ends.0, high: ends.1, ..self }
     }
 
     fn ends(self) -> Option<[Vec3; 2]> {
@@ -120,24 +134,32 @@ impl Extent {
     }
 
     fn and(self, other: &Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high), area: self.area + other.area }
+        let (low, high) = (self.low.min(other.low), self.high.max(other.high));
+        Self { low, high, area: self.area + other.area, ..self }
     }
 }
 
 impl Movable {
     pub(super) fn of(scene: &Scene, geometry: Geometry) -> Self {
         let extents = scene.instances.iter().map(|instance| Extent::of(scene, instance)).collect();
-        Self { geometry: Arc::new(geometry), extents }
+        Self { reach: geometry.extents().into(), geometry: Arc::new(geometry), extents }
     }
 
-    /// Follows what moves to where it is in `scene`, of which nothing else has changed.
+    /// Follows what moves to where it is in `scene`, of which nothing else has changed but shapes.
     pub(super) fn place(&mut self, scene: &Scene) {
         Arc::make_mut(&mut self.geometry).place(scene);
         for (extent, instance) in self.extents.iter_mut().zip(&scene.instances) {
-            if instance.moves {
+            if extent.transform != instance.transform {
                 *extent = Extent::of(scene, instance);
+            } else if scene.deformation(instance.mesh).is_some() {
+                *extent = extent.reaching(scene, instance);
             }
         }
+    }
+
+    /// [`Geometry::ray_epsilon`] (m).
+    pub(super) fn ray_epsilon(&self) -> f32 {
+        self.geometry.ray_epsilon_of(&self.reach)
     }
 
     /// Bounds of the instances that move (m), with their numbers; none of what has no triangle.

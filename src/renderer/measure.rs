@@ -2,7 +2,7 @@
 
 use super::drawing::display;
 use super::error::Error;
-use super::frame::{Denoised, Frame};
+use super::frame::{Denoised, Frame, PassStats};
 use super::growing::noise;
 use super::request::{FrameRequest, Progress};
 use super::stepper::{Stepper, Watch};
@@ -133,7 +133,17 @@ impl Renderer {
             ..frame.ok_or(Error::Cancelled)?
         };
         self.denoise(config, request, &mut frame)?;
+        self.add_made(&mut frame);
         Ok(frame)
+    }
+
+    /// What bringing meshes into shape took belongs to the frame after it.
+    fn add_made(&mut self, frame: &mut Frame) {
+        let made = self.take_made();
+        let ms: f64 = made.iter().filter_map(|pass| pass.ms).sum();
+        frame.total_ms = frame.total_ms.map(|total| total + ms);
+        let stats = made.into_iter().map(|pass| PassStats { path: pass.path, ms: pass.ms, rays: None });
+        frame.passes.splice(0..0, stats);
     }
 
     /// Draws the ways by turns, each `times` times. Frames whose passes are not timed one by one are drawn

@@ -5,6 +5,7 @@
 //! [`Renderer::render`] draws a whole picture and measures it, a [`Stepper`] one step at a time.
 
 mod choice;
+mod deform;
 mod drawing;
 mod edit;
 mod error;
@@ -15,6 +16,7 @@ mod measure;
 mod plan;
 mod prepared;
 mod request;
+mod resident;
 mod seen;
 mod stepper;
 mod submit;

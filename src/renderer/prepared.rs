@@ -1,15 +1,17 @@
 //! A scene on a device: shading data, the structures rays are traced in, and what the scene needs of a pipeline. Cheap to
 //! clone and to edit: an edit replaces what it changes and shares the rest.
 
+use super::deform::{Deformed, Deformer};
 use super::drawing::modelling;
 use super::edit::{Difference, Invalidated, Movable, Redone, emits};
 use super::error::Error;
+use super::resident::Resident;
 use crate::accel::boxes::BoxOptions;
-use crate::accel::{Arrangement, Geometry, Levels, Structure, StructureReport};
+use crate::accel::{Arrangement, Geometry, Levels, Structure, StructureReport, levels};
 use crate::config::RenderConfig;
 use crate::gpu_scene::GpuScene;
-use crate::scene::{Feature, Scene, SceneProfile};
-use crate::shaders::SceneData;
+use crate::graph::PassTime;
+use crate::scene::{Borders, Feature, Instance, Scene, SceneProfile};
 use crate::techniques::Kernels;
 use crate::techniques::indirect::Visibility;
 use crate::vk::{self, Backend};
@@ -25,9 +27,14 @@ pub struct Prepared {
     resident: Arc<Resident>,
     /// By mirror roughness, its bits.
     profiles: Mutex<Vec<(u32, SceneProfile)>>,
+    /// Of what stays, once something has moved beside panes.
+    borders: Option<Borders>,
     area: f32,
     /// Where something is to move.
     movable: Option<Movable>,
+    /// Where meshes are brought into shape on the device, and what that took last.
+    deformer: Option<Deformer>,
+    made: Vec<PassTime>,
     /// Where kernels' coordinates begin, in the file's and in those of `scene` (m).
     origin: DVec3,
     offset: DVec3,
@@ -38,21 +45,17 @@ pub struct Prepared {
     device: vk::Device,
 }
 
-/// What runs in flight use of a scene, and keep.
-#[derive(Clone, Debug)]
-pub(super) struct Resident {
-    pub(super) structure: Structure,
-    gpu: GpuScene,
-}
-
 impl Clone for Prepared {
     fn clone(&self) -> Self {
         Self {
             scene: Arc::clone(&self.scene),
             resident: Arc::clone(&self.resident),
             profiles: Mutex::new(self.profiles.lock().unwrap_or_else(PoisonError::into_inner).clone()),
+            borders: self.borders.clone(),
             area: self.area,
             movable: self.movable.clone(),
+            deformer: self.deformer.clone(),
+            made: self.made.clone(),
             origin: self.origin,
             offset: self.offset,
             revision: self.revision,
@@ -76,21 +79,43 @@ impl Prepared {
         reason: String,
         arrangement: Arrangement,
     ) -> Result<Self, Error> {
-        let near = scene.near_origin();
-        let geometry = Geometry::of(&near)?;
+        let mut shaped = Cow::Borrowed(&*scene);
+        if arrangement.levels == Levels::One && backend == Backend::Software || !is_deformable(&scene) {
+            shaped = scene.shaped()?;
+        }
+        let mut near = shaped.near_origin();
+        let mut geometry = Geometry::of(&near)?;
+        if !near.deformations.is_empty() && !Deformer::fits(device, &geometry) {
+            shaped = scene.shaped()?;
+            near = shaped.near_origin();
+            geometry = Geometry::of(&near)?;
+        }
         let gpu = GpuScene::upload(device, &near, &geometry)?;
         let structure = Structure::build(device, backend, &geometry, arrangement)?;
+        let mut resident = Resident { structure, gpu };
+        let mut deformer = Deformer::new(device, &near, &geometry, &resident, arrangement.rebuild)?;
+        let mut made = Vec::new();
+        if let Some(of_rest) = &deformer {
+            let deformed = of_rest.deform(device, &near, &resident)?;
+            Deformed { resident, deformer, passes: made } = deformed;
+            if let Some(moved) = resident.structure.moved(device, &geometry)? {
+                resident.structure = moved;
+            }
+        }
         // What was taken to another origin is taken there again.
         let stays = matches!(near, Cow::Borrowed(_));
         let movable = (stays && geometry.moves()).then(|| Movable::of(&near, geometry));
         Ok(Self {
+            deformer,
+            made,
             area: movable.as_ref().map_or_else(|| near.area() as f32, Movable::area),
             movable,
             origin: near.origin,
             offset: near.origin - scene.origin,
             scene: Arc::clone(&scene),
-            resident: Arc::new(Resident { structure, gpu }),
+            resident: Arc::new(resident),
             profiles: Mutex::default(),
+            borders: None,
             revision: next_revision(),
             backend,
             arrangement,
@@ -113,8 +138,9 @@ impl Prepared {
         let new = Self::new(&self.device, scene, self.backend, self.reason.clone(), self.arrangement)?;
         let traversal = |prepared: &Self| prepared.resident.structure.traversal();
         let known = std::mem::take(self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner));
-        let other =
-            |(roughness, profile): &(u32, SceneProfile)| new.profile(f32::from_bits(*roughness)) != *profile;
+        let other = |(roughness, profile): &(u32, SceneProfile)| {
+            !new.profile(f32::from_bits(*roughness)).is_served_by(profile)
+        };
         let pipelines = known.iter().any(other) || traversal(self) != traversal(&new);
         *self = new;
         let bytes = self.resident.gpu.bytes();
@@ -141,32 +167,48 @@ impl Prepared {
         }
         let mut movable = self.movable.take();
         let redone = self.redo(scene, difference, movable.as_mut());
-        if !matches!(redone, Ok(Some(_))) && difference.places {
+        let moves = difference.places || difference.shapes;
+        if !matches!(redone, Ok(Some(_))) && moves {
             movable.iter_mut().for_each(|movable| movable.place(&self.scene));
         }
         self.movable = movable;
-        let Some((resident, structures)) = redone? else { return Ok(None) };
+        let Some(Deformed { resident, deformer, passes }) = redone? else { return Ok(None) };
+        let structures = match (difference.shapes, difference.places) {
+            (true, _) => Redone::Shapes,
+            (false, true) => Redone::Top,
+            (false, false) => Redone::Nothing,
+        };
         let bytes = resident.gpu.bytes_beside(&self.resident.gpu);
         let traversal = |resident: &Resident| resident.structure.traversal();
         let mut pipelines = traversal(&resident) != traversal(&self.resident);
+        if difference.materials {
+            self.borders = None;
+        }
         for (roughness, profile) in self.profiles.get_mut().unwrap_or_else(PoisonError::into_inner) {
             let mut renewed = profile.clone();
-            if difference.materials || difference.places && profile.panes {
+            if difference.materials {
                 renewed = SceneProfile::of(scene, f32::from_bits(*roughness));
+            } else if moves && profile.panes {
+                let borders = self.borders.get_or_insert_with(|| Borders::of(scene));
+                renewed.set_places(scene, borders);
             } else if difference.lights {
                 renewed.set_lights(&scene.lights);
             }
-            pipelines |= renewed != *profile;
+            pipelines |= !renewed.is_served_by(profile);
             *profile = renewed;
         }
         let pictures = Difference { cameras: false, ..difference } != Difference::default();
-        if difference.places {
+        if moves {
             self.area = self.movable.as_ref().map_or(self.area, Movable::area);
         }
         if pictures {
             self.revision = next_revision();
         }
         self.resident = Arc::new(resident);
+        self.deformer = deformer;
+        if difference.shapes {
+            self.made = passes;
+        }
         self.scene = Arc::clone(scene);
         Ok(Some(Invalidated { pictures, pipelines, structures, bytes }))
     }
@@ -177,12 +219,12 @@ impl Prepared {
         scene: &Scene,
         difference: Difference,
         mut movable: Option<&mut Movable>,
-    ) -> Result<Option<(Resident, Redone)>, Error> {
-        let Difference { lights, materials, emission, places, .. } = difference;
+    ) -> Result<Option<Deformed>, Error> {
+        let Difference { lights, materials, emission, places, shapes, .. } = difference;
         let Resident { mut structure, mut gpu } = Resident::clone(&self.resident);
-        let mut structures = Redone::Nothing;
+        let (mut deformer, mut passes) = (self.deformer.clone(), Vec::new());
         let (mut shine, mut lit) = (emission, lights || materials);
-        if places {
+        if places || shapes {
             let Some(movable) = &mut movable else { return Ok(None) };
             movable.place(scene);
             let bounds = movable.bounds();
@@ -190,11 +232,16 @@ impl Prepared {
             if !movable.is_near_origin(scene) {
                 return Ok(None);
             }
+            if shapes {
+                let Some(shaper) = &self.deformer else { return Ok(None) };
+                let deformed = shaper.deform(&self.device, scene, &self.resident)?;
+                (Resident { structure, gpu }, deformer) = (deformed.resident, deformed.deformer);
+                passes = deformed.passes;
+            }
             let Some(moved) = structure.moved(&self.device, &movable.geometry)? else { return Ok(None) };
             structure = moved;
-            structures = Redone::Top;
             let radius = gpu.data.scene_radius;
-            gpu.place(&self.device, bounds, &movable.geometry)?;
+            gpu.place(&self.device, bounds, &movable.geometry, movable.ray_epsilon())?;
             lit |= radius != gpu.data.scene_radius;
             let mut pairs = self.scene.instances.iter().zip(&scene.instances);
             shine |= pairs.any(|(old, new)| old.transform != new.transform && emits(scene, new));
@@ -215,7 +262,7 @@ impl Prepared {
             let near: Vec<_> = scene.lights.iter().map(|light| light.moved(-self.offset)).collect();
             gpu.set_lights(&self.device, &near)?;
         }
-        Ok(Some((Resident { structure, gpu }, structures)))
+        Ok(Some(Deformed { resident: Resident { structure, gpu }, deformer, passes }))
     }
 
     /// The scene as it is now.
@@ -252,6 +299,11 @@ impl Prepared {
     #[must_use]
     pub fn area(&self) -> f32 {
         self.area
+    }
+
+    /// What bringing meshes into shape took, since this was last asked.
+    pub(super) fn take_made(&mut self) -> Vec<PassTime> {
+        std::mem::take(&mut self.made)
     }
 
     /// Where kernels' coordinates begin, in the file's (m): 0 unless the scene [is far from there](Scene::near_origin).
@@ -340,11 +392,20 @@ impl Prepared {
         if config.indirect.visibility.software_only() && self.backend != Backend::Software {
             return Err(Error::SoftwareOnly { visibility: config.indirect.visibility.name() });
         }
+        let whole = Arrangement { whole: true, levels: Levels::One, ..self.arrangement };
+        let inline = config.indirect.visibility == Visibility::BoxesInline;
+        if inline && self.deformer.is_some() {
+            // One level is over triangles that the host has brought into shape.
+            let (scene, reason) = (Arc::clone(&self.scene), self.reason.clone());
+            let new = Self::new(&self.device, scene, self.backend, reason, whole)?;
+            *self = Self { revision: self.revision, ..new };
+        }
         let mut structure = self.resident.structure.clone();
-        let geometry = Geometry::of(&self.scene.near_origin())?;
-        if config.indirect.visibility == Visibility::BoxesInline && !structure.is_whole() {
+        let shaped = self.scene.shaped()?;
+        let geometry = Geometry::of(&shaped.near_origin())?;
+        if inline && !structure.is_whole() {
             structure.rebuild_whole(&self.device, &geometry)?;
-            self.arrangement = Arrangement { whole: true, levels: Levels::One };
+            self.arrangement = whole;
         }
         if let Some(options) = boxes(config).filter(|options| !structure.has_boxes(options)) {
             structure.build_boxes(&self.device, &geometry, &options)?;
@@ -359,18 +420,13 @@ impl Prepared {
     }
 }
 
-impl Resident {
-    /// What kernels know of the scene, camera and frame still to be filled in.
-    pub(super) fn data(&self) -> SceneData {
-        let mut data = self.gpu.data;
-        self.structure.describe(&mut data);
-        data
-    }
-
-    /// Whether anything that has a size shines.
-    pub(super) fn area_lights(&self) -> bool {
-        self.gpu.area_lights()
-    }
+/// Whether the device can bring the scene's meshes into shape.
+fn is_deformable(scene: &Scene) -> bool {
+    let deformed = |instance: &&Instance| scene.deformation(instance.mesh).is_some();
+    let placeable = |instance: &Instance| levels::is_placeable(&instance.transform);
+    !scene.deformations.is_empty()
+        && scene.instances.iter().filter(deformed).all(placeable)
+        && scene.bounds().is_none_or(|bounds| scene.is_surely_near_origin(bounds))
 }
 
 /// Boxes that a frame's imperfect visibility needs.

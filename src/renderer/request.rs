@@ -1,7 +1,7 @@
 //! What is asked of a render.
 
 use super::frame::Frame;
-use crate::accel::Levels;
+use crate::accel::{Levels, Rebuild};
 use crate::denoise::Denoiser;
 use crate::layer::Layer;
 use crate::methods::Aov;
@@ -35,6 +35,8 @@ pub struct RendererOptions {
     pub visibility: Visibility,
     /// Whether the software structure has a level for placements. The picture is the same.
     pub levels: Levels,
+    /// When nodes over what changes shape are built anew.
+    pub rebuild: Rebuild,
 }
 
 /// What to bring back beside the picture, and how to report on the way.

@@ -3,11 +3,12 @@
 
 use super::edit::Invalidated;
 use super::error::Error;
-use super::prepared::{Prepared, Resident};
+use super::prepared::Prepared;
+use super::resident::Resident;
 use super::window::Window;
 use crate::config::{LightChoice, RenderConfig};
 use crate::gpu_scene::MOST_ASKED_LIGHTS;
-use crate::graph::{Executor, Graph, Run, RunOptions};
+use crate::graph::{Executor, Graph, PassTime, Run, RunOptions};
 use crate::sampling::pixel_offset;
 use crate::scene::{Camera, Light, Scene, View};
 use crate::shaders::{self, COUNTER_LANES, RAY_COUNTERS};
@@ -62,6 +63,7 @@ impl Renderer {
     /// | lights | lights, and what they are chosen by | stay | stay unless what there is of them changes |
     /// | materials | materials; where emission changes, tables of emissive triangles | stay | stay unless what there is of them changes |
     /// | [`Instance::transform`](crate::scene::Instance::transform) where it [is to move](crate::scene::Instance::moves) | a record an instance; where what moves emits, tables of emissive triangles | the level over placements alone; boxes for imperfect visibility all; all, where there is one level, as `boxes-inline` needs | stay unless there are panes, or the level is deeper than before |
+    /// | [`Scene::deformations`] of the same meshes | a record an instance; vertices are made on the device | the level over placements, and nodes over what is brought into shape; all, where there is one level or the driver's own; boxes all | as for placements |
     /// | what rays are blocked by (of materials `alpha_mode`, and whether they pass light and are panes), other instances, meshes, images or environment, a scene that leaves the origin far behind | all | all | stay where they serve |
     ///
     /// Meshes, images and the environment are the same as before where their `Arc` is. [`Invalidated`] says what was redone. Where
@@ -90,6 +92,11 @@ impl Renderer {
     /// As for [`edit`](Self::edit).
     pub fn set_scene(&mut self, scene: Scene) -> Result<Invalidated, Error> {
         Arc::make_mut(&mut self.prepared).set_scene(scene)
+    }
+
+    /// What bringing meshes into shape took, since this was last asked; what other renderers share is theirs.
+    pub(super) fn take_made(&mut self) -> Vec<PassTime> {
+        Arc::get_mut(&mut self.prepared).map(Prepared::take_made).unwrap_or_default()
     }
 
     /// Replaces the lights alone.

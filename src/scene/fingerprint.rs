@@ -55,6 +55,9 @@ impl Scene {
         let rest = (instances, &self.materials, &self.lights, camera.transform, camera.view);
         // Writing to a hash never fails.
         let _ = write!(hash, "{rest:?}");
+        for deformation in &self.deformations {
+            let _ = write!(hash, "{:?}", deformation.key());
+        }
         if self.origin != DVec3::ZERO {
             hash.array(&self.origin.to_array());
         }

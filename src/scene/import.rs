@@ -3,6 +3,7 @@
 use super::{Fault, MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
 use crate::memory::Budget;
 use glam::{Affine3A, Vec2, Vec3, Vec4};
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ pub(crate) const FRAMED: &str = "the scene has no camera: it is seen from one th
 /// What remains to be done once a file is read: drops zero-area triangles and what is empty without them, bakes
 /// transforms that flatten, makes panes of flat slabs, adds a camera where there is none, and validates.
 pub(super) fn finish(scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
-    let mut scene = finish_pose(scene, file, element)?;
+    let mut scene = finish_pose(scene, &Settled::default(), file, element)?;
     if scene.instances.is_empty() {
         let why = scene.notes.iter().map(|note| format!("; {note}")).collect::<String>();
         return Err(SceneError::new(file, element, format!("there is no triangle in it{why}")));
@@ -24,34 +25,82 @@ pub(super) fn finish(scene: Scene, file: &Path, element: &str) -> Result<Scene, 
     Ok(scene)
 }
 
+/// What is done of that before a pose is known.
+#[derive(Debug, Default)]
+pub(super) struct Settled {
+    /// Meshes that are done with and valid, by address, and where their vertices are (m).
+    meshes: HashMap<usize, [Vec3; 2]>,
+    /// Triangles of zero area that they were.
+    dropped: usize,
+    /// Whether slabs have become panes.
+    panes: bool,
+}
+
+impl Settled {
+    /// Settles the meshes for which `stays` holds of a scene's parts and, if `panes`, which slabs are panes.
+    pub(super) fn of(parts: &mut Scene, stays: impl Fn(usize) -> bool, panes: bool) -> Self {
+        let mut dropped = 0;
+        for (_, mesh) in parts.meshes.iter_mut().enumerate().filter(|&(index, _)| stays(index)) {
+            dropped += drop_zero_area(mesh);
+        }
+        if panes {
+            slab::become_panes(parts);
+        }
+        let ends = |mesh: &Mesh| {
+            let positions = mesh.positions.iter();
+            positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[l, h], &p| [l.min(p), h.max(p)])
+        };
+        let done =
+            |(index, mesh): &(usize, &Arc<Mesh>)| stays(*index) && is_done(mesh, parts.materials.len());
+        let all = parts.meshes.iter().enumerate().filter(done);
+        Self { meshes: all.map(|(_, mesh)| (address(mesh), ends(mesh))).collect(), dropped, panes }
+    }
+
+    /// Where the vertices of a mesh are (m) that is done with.
+    pub(super) fn bounds(&self, mesh: &Arc<Mesh>) -> Option<[Vec3; 2]> {
+        self.meshes.get(&address(mesh)).copied()
+    }
+}
+
+fn address(mesh: &Arc<Mesh>) -> usize {
+    Arc::as_ptr(mesh) as usize
+}
+
+/// Whether nothing remains to be done with a mesh.
+pub(super) fn is_done(mesh: &Mesh, materials: usize) -> bool {
+    !mesh.triangles.is_empty() && mesh.check(materials).is_ok() && !has_zero_area(mesh)
+}
+
 /// The same of a moment, when there may be nothing to see; it may have no camera.
-pub(super) fn finish_pose(mut scene: Scene, file: &Path, element: &str) -> Result<Scene, SceneError> {
-    let mut dropped: usize = scene.meshes.iter_mut().map(drop_zero_area).sum();
+pub(super) fn finish_pose(
+    mut scene: Scene,
+    settled: &Settled,
+    file: &Path,
+    element: &str,
+) -> Result<Scene, SceneError> {
+    let open = scene.meshes.iter_mut().filter(|mesh| settled.bounds(mesh).is_none());
+    let mut dropped: usize = settled.dropped + open.map(drop_zero_area).sum::<usize>();
     dropped += bake_flattening(&mut scene).map_err(|fault| fault.of(file, element))?;
     if dropped > 0 {
         scene.notes.push(format!("{dropped} triangles of zero area are left out"));
     }
-    slab::become_panes(&mut scene);
+    if !settled.panes {
+        slab::become_panes(&mut scene);
+    }
     drop_empty(&mut scene);
-    scene.validate().map_err(|error| SceneError { file: file.to_owned(), ..error })?;
+    let known = |mesh: &Arc<Mesh>| settled.bounds(mesh);
+    scene.validate_by(&known).map_err(|error| SceneError { file: file.to_owned(), ..error })?;
     Ok(scene)
 }
 
 /// Removes triangles whose exact area is zero; 64-bit floats hold differences and products of coordinates well
 /// enough for collinear corners to cancel.
-fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
-    let before = mesh.triangles.len();
-    let keep: Vec<bool> = mesh
-        .triangles
-        .iter()
-        .map(|triangle| {
-            let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].as_dvec3());
-            (b - a).cross(c - a) != glam::DVec3::ZERO
-        })
-        .collect();
-    if !keep.contains(&false) {
+pub(super) fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
+    if !has_zero_area(mesh) {
         return 0;
     }
+    let before = mesh.triangles.len();
+    let keep: Vec<bool> = mesh.triangles.iter().map(|triangle| has_area(mesh, triangle)).collect();
     let mesh = Arc::make_mut(mesh);
     let mut kept = keep.iter();
     mesh.triangles.retain(|_| kept.next() == Some(&true));
@@ -60,6 +109,15 @@ fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
     let mut kept = keep.iter();
     mesh.tangents.retain(|_| kept.next() == Some(&true));
     before - mesh.triangles.len()
+}
+
+fn has_area(mesh: &Mesh, triangle: &[u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].as_dvec3());
+    (b - a).cross(c - a) != glam::DVec3::ZERO
+}
+
+fn has_zero_area(mesh: &Mesh) -> bool {
+    !mesh.triangles.iter().all(|triangle| has_area(mesh, triangle))
 }
 
 /// Gives every instance whose transform can't be inverted a mesh of its own in world space, without normals
@@ -113,6 +171,11 @@ fn drop_empty(scene: &mut Scene) {
         });
     }
     scene.meshes = meshes;
+    scene.deformations.retain_mut(|deformation| {
+        let index = new_index[deformation.mesh as usize];
+        deformation.mesh = index.unwrap_or_default();
+        index.is_some()
+    });
 }
 
 /// Unit vector along `normal`; zero, which stands for the triangle's own normal, where it has no direction.

@@ -52,9 +52,11 @@ pub use material::{
 pub(crate) use material::{TextureUse, srgb_to_linear};
 pub use mend::LoadOptions;
 pub use mesh::{Instance, Mesh};
+pub use motion::Deformation;
+pub(crate) use motion::corners;
 pub use path::{CameraKey, CameraPath};
-pub(crate) use profile::DELTA_ROUGHNESS;
 pub use profile::SceneProfile;
+pub(crate) use profile::{Borders, DELTA_ROUGHNESS};
 pub(crate) use world::area;
 pub use world::{Motion, Scene};
 

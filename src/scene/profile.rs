@@ -1,5 +1,5 @@
 use super::material::TextureUse;
-use super::{AlphaMode, Image, Light, LightKind, Material, Scene};
+use super::{AlphaMode, Image, Instance, Light, LightKind, Material, Scene};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -89,35 +89,76 @@ pub(crate) const DELTA_ROUGHNESS: f32 = 0.009_999;
 /// Panes beyond this many planes are taken to have something on both sides.
 const MAX_BORDERS: usize = 64;
 
-/// The planes of all panes, where everything lies on one side of each: their normals point away from it. `None` where
-/// anything lies on both.
-fn borders(scene: &Scene) -> Option<Vec<[u32; 4]>> {
-    let (low, high) = scene.bounds()?;
-    let tolerance = 1e-5 * f64::from((high - low).length());
-    let mut planes: Vec<(DVec3, f64)> = Vec::new();
-    let materials = scene.instances.iter().flat_map(|i| &scene.meshes[i.mesh as usize].materials);
-    for (triangle, &material) in scene.world_triangles().zip(materials) {
-        let material = &scene.materials[material as usize];
-        if !material.may_transmit() || !material.may_be_sheer() {
-            continue;
+/// The planes of panes that stay, where all else that stays lies on one side of each: their normals point away from it.
+#[derive(Clone, Debug)]
+pub(crate) struct Borders {
+    /// None where anything lies on both sides.
+    planes: Option<Vec<(DVec3, f64)>>,
+    /// How far off a plane is on it (m).
+    tolerance: f64,
+}
+
+impl Borders {
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let stays = |instance: &&Instance| !is_moving(scene, instance);
+        let points = scene.instances.iter().filter(stays).flat_map(|instance| scene.reach(instance));
+        let ends = points.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)));
+        let tolerance = ends.map_or(0.0, |(low, high)| 1e-5 * f64::from((high - low).length()));
+        let mut borders = Self { planes: Some(Vec::new()), tolerance };
+        for instance in scene.instances.iter().filter(stays) {
+            borders.add(scene, instance, &stays);
         }
-        let [a, b, c] = triangle.map(Vec3::as_dvec3);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        let known = |&(n, d): &(DVec3, f64)| [a, b, c].iter().all(|p| (n.dot(*p) - d).abs() <= tolerance);
-        if planes.iter().any(known) {
-            continue;
-        }
-        let heights = || scene.world_triangles().flatten().map(|p| normal.dot(p.as_dvec3() - a));
-        let (below, above) = (heights().all(|h| h <= tolerance), heights().all(|h| h >= -tolerance));
-        if below == above || planes.len() == MAX_BORDERS {
-            return None;
-        }
-        let normal = if below { normal } else { -normal };
-        planes.push((normal, normal.dot(a)));
+        borders
     }
-    // Lights on the plane itself are on neither side.
-    let bits = |(n, d): (DVec3, f64)| n.extend(d - tolerance).as_vec4().to_array().map(f32::to_bits);
-    Some(planes.into_iter().map(bits).collect())
+
+    /// Adds the panes of an instance, of which all that counts must be on one side.
+    fn add(&mut self, scene: &Scene, instance: &Instance, counts: &dyn Fn(&&Instance) -> bool) {
+        let tolerance = self.tolerance;
+        let materials = &scene.meshes[instance.mesh as usize].materials;
+        for (triangle, &material) in scene.instance_triangles(instance).zip(materials) {
+            let material = &scene.materials[material as usize];
+            let Some(planes) = &mut self.planes else { return };
+            if !material.may_transmit() || !material.may_be_sheer() {
+                continue;
+            }
+            let [a, b, c] = triangle.map(Vec3::as_dvec3);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let known = |&(n, d): &(DVec3, f64)| [a, b, c].iter().all(|p| (n.dot(*p) - d).abs() <= tolerance);
+            if planes.iter().any(known) {
+                continue;
+            }
+            let counted = || scene.instances.iter().filter(counts);
+            let points = || counted().flat_map(|instance| scene.reach(instance));
+            let heights = || points().map(|p| normal.dot(p.as_dvec3() - a));
+            let (below, above) = (heights().all(|h| h <= tolerance), heights().all(|h| h >= -tolerance));
+            if below == above || planes.len() == MAX_BORDERS {
+                self.planes = None;
+                return;
+            }
+            let normal = if below { normal } else { -normal };
+            planes.push((normal, normal.dot(a)));
+        }
+    }
+
+    /// With what moves, too: bits of normals and distances, none where anything lies on both sides.
+    fn with_moving(&self, scene: &Scene) -> Option<Vec<[u32; 4]>> {
+        let mut all = self.clone();
+        for instance in scene.instances.iter().filter(|instance| is_moving(scene, instance)) {
+            let (planes, tolerance) = (all.planes.as_ref()?, self.tolerance);
+            let inside = |p: Vec3| planes.iter().all(|&(n, d)| n.dot(p.as_dvec3()) - d <= tolerance);
+            if !scene.reach(instance).all(inside) {
+                return None;
+            }
+            all.add(scene, instance, &|_| true);
+        }
+        // Lights on the plane itself are on neither side.
+        let bits = |(n, d): (DVec3, f64)| n.extend(d - self.tolerance).as_vec4().to_array().map(f32::to_bits);
+        Some(all.planes?.into_iter().map(bits).collect())
+    }
+}
+
+fn is_moving(scene: &Scene, instance: &Instance) -> bool {
+    instance.moves || scene.deformation(instance.mesh).is_some()
 }
 
 impl SceneProfile {
@@ -132,7 +173,8 @@ impl SceneProfile {
         let mut used = vec![false; scene.materials.len()];
         let mut profile = Self {
             instances: scene.instances.len(),
-            instanced: scene.instances.iter().any(|instance| instance.moves),
+            instanced: scene.instances.iter().any(|instance| instance.moves)
+                || !scene.deformations.is_empty(),
             environment: scene.environment.is_some(),
             ..Self::default()
         };
@@ -147,18 +189,35 @@ impl SceneProfile {
                 used[material as usize] = true;
             }
         }
+        // Normals may bend away from what is flat at rest.
+        profile.curved |= profile.smooth_normals && !scene.deformations.is_empty();
         for material in
             scene.materials.iter().zip(used).filter_map(|(material, used)| used.then_some(material))
         {
             profile.add(material, &scene.images, mirror_roughness);
         }
         if profile.panes {
-            let borders = borders(scene);
-            profile.beyond_panes = borders.is_none() || profile.environment;
-            profile.borders = borders.unwrap_or_default();
+            profile.set_borders(scene, &Borders::of(scene));
         }
         profile.set_lights(&scene.lights);
         profile
+    }
+
+    /// Renews what places and shapes of what moves decide, where there are panes.
+    pub(crate) fn set_places(&mut self, scene: &Scene, borders: &Borders) {
+        self.set_borders(scene, borders);
+        self.set_lights(&scene.lights);
+    }
+
+    fn set_borders(&mut self, scene: &Scene, borders: &Borders) {
+        let borders = borders.with_moving(scene);
+        self.beyond_panes = borders.is_none() || self.environment;
+        self.borders = borders.unwrap_or_default();
+    }
+
+    /// Whether pipelines for another serve for it.
+    pub(crate) fn is_served_by(&self, other: &Self) -> bool {
+        *self == Self { borders: self.borders.clone(), ..other.clone() }
     }
 
     /// Renews what the lights decide.

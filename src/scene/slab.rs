@@ -93,7 +93,7 @@ fn alike(some: &[Option<Slab>], others: &[Option<Slab>]) -> bool {
     })
 }
 
-fn may_be_slab(material: &Material) -> bool {
+pub(super) fn may_be_slab(material: &Material) -> bool {
     material.volume.is_some()
         && !material.unlit
         && material.transmission == 1.0

@@ -4,12 +4,15 @@ use super::limits::{
     Checked, MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
     MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES, MIN_EXTENT,
 };
+use super::motion::corners;
 use super::{
-    AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, SceneError, TextureRef, View,
+    AlphaMode, Camera, Deformation, Image, Instance, Light, LightKind, Material, Mesh, Scene, SceneError,
+    TextureRef, View,
 };
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
+use std::sync::Arc;
 
 fn within(what: &str, value: f32, low: f32, high: f32) -> Checked {
     if (low..=high).contains(&value) && value.is_finite() {
@@ -165,7 +168,7 @@ impl Instance {
 }
 
 impl Mesh {
-    fn check(&self, materials: usize) -> Checked {
+    pub(super) fn check(&self, materials: usize) -> Checked {
         let vertices = self.positions.len();
         let lengths = [
             ("normals", self.normals.len()),
@@ -257,8 +260,16 @@ impl Scene {
     /// # Errors
     /// The first defect; its file is `scene`.
     pub fn validate(&self) -> Result<(), SceneError> {
+        self.validate_by(&|_| None)
+    }
+
+    /// The same, where the ends of meshes that are valid (m) may be known.
+    pub(super) fn validate_by(
+        &self,
+        known: &dyn Fn(&Arc<Mesh>) -> Option<[Vec3; 2]>,
+    ) -> Result<(), SceneError> {
         let fail = |element: String, problem: String| SceneError::new(Path::new("scene"), element, problem);
-        for (i, mesh) in self.meshes.iter().enumerate() {
+        for (i, mesh) in self.meshes.iter().enumerate().filter(|(_, mesh)| known(mesh).is_none()) {
             mesh.check(self.materials.len()).map_err(|problem| fail(format!("meshes[{i}]"), problem))?;
         }
         self.validate_materials()?;
@@ -286,11 +297,30 @@ impl Scene {
                 return Err(fail(element(), format!("more than {MAX_TRIANGLES} triangles up to here")));
             }
             instance.check().map_err(|problem| fail(element(), problem))?;
-            for &position in &mesh.positions {
+            let mut reach = |position: Vec3| {
                 let placed = instance.transform.transform_point3(position).as_dvec3() + self.origin;
                 (low, high) = (low.min(placed), high.max(placed));
                 within_reach("a vertex at", placed.as_vec3(), MAX_COORDINATE)
-                    .map_err(|problem| fail(element(), problem))?;
+            };
+            let deformation = self.deformation(instance.mesh);
+            let corners = deformation.map(Deformation::corners).or_else(|| known(mesh).map(corners));
+            // Where corners are too far away a vertex need not be.
+            let near = corners.filter(|corners| {
+                deformation.is_some() || corners.iter().all(|&corner| reach(corner).is_ok())
+            });
+            let reached = match near {
+                Some(corners) => corners.into_iter().try_for_each(reach),
+                None => mesh.positions.iter().copied().try_for_each(reach),
+            };
+            reached.map_err(|problem| fail(element(), problem))?;
+        }
+        for (i, deformation) in self.deformations.iter().enumerate() {
+            let mesh = self.meshes.get(deformation.mesh as usize);
+            let fits = mesh.is_some_and(|mesh| deformation.fits(mesh));
+            let twice = self.deformations[..i].iter().any(|other| other.mesh == deformation.mesh);
+            if !fits || twice {
+                let problem = format!("mesh {} is not what it brings into shape", deformation.mesh);
+                return Err(fail(format!("deformations[{i}]"), problem));
             }
         }
         check_extent(low, high).map_err(|problem| fail("size".into(), problem))

@@ -1,10 +1,14 @@
 //! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
 use super::clip::{Clip, LightProperty, MaterialProperty, Target, together};
-use super::{Camera, Environment, Image, Instance, Light, LightKind, Material, Mesh, SceneError};
+use super::{
+    Camera, Deformation, Environment, Image, Instance, Light, LightKind, Material, Mesh, SceneError, import,
+};
 use glam::{DVec3, Vec3};
+use std::borrow::Cow;
 use std::f32::consts::{FRAC_PI_4, PI};
 use std::fmt;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A scene as loaded or made in code. Indices between its parts are checked by [`Scene::validate`].
@@ -18,6 +22,8 @@ pub struct Scene {
     /// Geometry in object space. Poses and copies of a scene share it, by which [`Renderer::edit`](crate::renderer::Renderer::edit)
     /// knows what stays.
     pub meshes: Vec<Arc<Mesh>>,
+    /// Meshes that are to be brought into another shape than they have.
+    pub deformations: Vec<Deformation>,
     /// Placements of meshes in the world.
     pub instances: Vec<Instance>,
     /// Materials that meshes' triangles name.
@@ -41,11 +47,11 @@ pub trait Motion: fmt::Debug + Send + Sync {
     /// Animations of the file.
     fn clips(&self) -> &[Clip];
 
-    /// What `scene` is at a time (s) of some clips, as [`Scene::pose`] says.
+    /// What `scene` is at a time (s) of some clips, as [`Scene::pose`] says or, if `lazily`, as [`Scene::pose_lazily`].
     ///
     /// # Errors
     /// As for [`Scene::pose`].
-    fn pose(&self, scene: &Scene, clips: &[usize], time: f64) -> Result<Scene, SceneError>;
+    fn pose(&self, scene: &Scene, clips: &[usize], time: f64, lazily: bool) -> Result<Scene, SceneError>;
 }
 
 impl Scene {
@@ -90,12 +96,49 @@ impl Scene {
     /// # Panics
     /// There is no such clip, but the scene has a motion.
     pub fn pose(&self, clips: &[usize], time: f64) -> Result<Self, SceneError> {
-        let Some(motion) = &self.motion else { return Ok(self.clone()) };
-        Ok(Self { motion: Some(Arc::clone(motion)), ..motion.pose(self, clips, time)? })
+        self.pose_by(clips, time, false)
     }
 
-    /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order. In a mirroring
-    /// instance (negative determinant) the front side sees them clockwise.
+    /// The same for a renderer, which brings meshes into [shape](Self::deformations) on the device where it can: that takes
+    /// less time, and positions are rounded to 32 bits on the way.
+    ///
+    /// # Errors
+    /// As for [`pose`](Self::pose).
+    ///
+    /// # Panics
+    /// As for [`pose`](Self::pose).
+    pub fn pose_lazily(&self, clips: &[usize], time: f64) -> Result<Self, SceneError> {
+        self.pose_by(clips, time, true)
+    }
+
+    fn pose_by(&self, clips: &[usize], time: f64, lazily: bool) -> Result<Self, SceneError> {
+        let Some(motion) = &self.motion else { return Ok(self.clone()) };
+        Ok(Self { motion: Some(Arc::clone(motion)), ..motion.pose(self, clips, time, lazily)? })
+    }
+
+    /// The same scene with all [deformations](Self::deformations) made: a lazy pose becomes what [`pose`](Self::pose) is.
+    ///
+    /// # Errors
+    /// A vertex that is not finite.
+    pub fn shaped(&self) -> Result<Cow<'_, Self>, SceneError> {
+        if self.deformations.is_empty() {
+            return Ok(Cow::Borrowed(self));
+        }
+        let mut scene = self.clone();
+        for deformation in std::mem::take(&mut scene.deformations) {
+            let mesh = &mut scene.meshes[deformation.mesh as usize];
+            let posed = deformation.posed(mesh).map_err(|vertex| {
+                let problem = format!("vertex {vertex} of its pose is not finite");
+                SceneError::new(Path::new("scene"), format!("meshes[{}]", deformation.mesh), problem)
+            })?;
+            *mesh = posed.into();
+            import::drop_zero_area(mesh);
+        }
+        Ok(Cow::Owned(scene))
+    }
+
+    /// World-space vertices (m) of every triangle, instance by instance, in the meshes' order, deformations not made. In a
+    /// mirroring instance (negative determinant) the front side sees them clockwise.
     pub fn world_triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
         self.instances.iter().flat_map(|instance| self.instance_triangles(instance))
     }
@@ -110,14 +153,30 @@ impl Scene {
         mesh.triangles.iter().map(move |triangle| triangle.map(vertex))
     }
 
-    /// Smallest and largest coordinates (m) of all triangles in the world; none without triangles.
+    /// Smallest and largest coordinates (m) of all triangles in the world, as far as deformations may bring them; none without
+    /// triangles.
     #[must_use]
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let corners = self.world_triangles().flatten().map(|p| (p, p));
+        let corners = self.instances.iter().flat_map(|instance| self.reach(instance)).map(|p| (p, p));
         corners.reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
     }
 
-    /// Area of all triangles in the world (m²), one side each.
+    /// World-space points (m) within whose hull an instance's triangles are.
+    pub(crate) fn reach<'a>(&'a self, instance: &'a Instance) -> impl Iterator<Item = Vec3> + 'a {
+        let deformed = self.deformation(instance.mesh).map(|deformation| {
+            let corners = deformation.corners();
+            corners.into_iter().map(|corner| instance.transform.transform_point3(corner))
+        });
+        let plain = deformed.is_none().then(|| self.instance_triangles(instance).flatten());
+        deformed.into_iter().flatten().chain(plain.into_iter().flatten())
+    }
+
+    /// What brings a mesh into shape.
+    pub(crate) fn deformation(&self, mesh: u32) -> Option<&Deformation> {
+        self.deformations.iter().find(|deformation| deformation.mesh == mesh)
+    }
+
+    /// Area of all triangles in the world (m²), one side each, deformations not made.
     #[must_use]
     pub fn area(&self) -> f64 {
         self.world_triangles().map(area).sum()

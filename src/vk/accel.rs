@@ -100,6 +100,8 @@ const BOX_BYTES: u64 = size_of::<vk::AabbPositionsKHR>() as u64;
 pub(crate) enum Input<'a> {
     /// Triangles; each element is a geometry of the structure.
     Triangles(&'a [Triangles]),
+    /// The same, whose vertices are to move: the structure can be updated, and is not compacted.
+    Changing(&'a [Triangles]),
     /// `count` boxes, each the lowest and the highest coordinates (six `f32`), at a device address that is a
     /// multiple of 8.
     Boxes {
@@ -122,7 +124,7 @@ pub(crate) enum Input<'a> {
 pub(crate) struct BuildSizes {
     /// For the structure itself.
     pub(crate) structure: u64,
-    /// For the build, at an address aligned by [`Device::align_scratch`].
+    /// For the build, or an update, at an address aligned by [`Device::align_scratch`].
     pub(crate) scratch: u64,
 }
 
@@ -159,7 +161,7 @@ impl Device {
             if value > limit { Err(Error::TooLarge { what, value, limit }) } else { Ok(()) }
         };
         match input {
-            Input::Triangles(geometries) => {
+            Input::Triangles(geometries) | Input::Changing(geometries) => {
                 check("geometries", geometries.len() as u64, limits.max_geometries)?;
                 let triangles = geometries.iter().map(|g| u64::from(g.triangle_count)).sum();
                 check("triangles", triangles, limits.max_primitives)?;
@@ -180,7 +182,8 @@ impl Device {
             );
         }
         let structure = sizes.acceleration_structure_size;
-        Ok(BuildSizes { structure, scratch: self.align_scratch(sizes.build_scratch_size) })
+        let scratch = sizes.build_scratch_size.max(sizes.update_scratch_size);
+        Ok(BuildSizes { structure, scratch: self.align_scratch(scratch) })
     }
 
     /// Rounds up to what builds ask of scratch addresses.
@@ -212,18 +215,24 @@ impl Device {
     }
 
     /// Records the build of `into` from `input`, with scratch memory of its [size](BuildSizes::scratch) at
-    /// `scratch`. Input, scratch and structure must be behind barriers before and after.
+    /// `scratch`; with `from`, of triangles whose vertices alone have moved since that was built, an update. Input, scratch and
+    /// structures must be behind barriers before and after.
     pub(crate) fn record_build(
         &self,
         cmd: vk::CommandBuffer,
         input: Input<'_>,
+        from: Option<&AccelerationStructure>,
         into: &AccelerationStructure,
         scratch: u64,
     ) -> Result<(), Error> {
         let (geometries, ranges) = describe(input);
-        let info = build_info(input, &geometries)
+        let mut info = build_info(input, &geometries)
             .dst_acceleration_structure(into.raw)
             .scratch_data(vk::DeviceOrHostAddressKHR { device_address: scratch });
+        if let Some(from) = from {
+            let mode = vk::BuildAccelerationStructureModeKHR::UPDATE;
+            info = info.mode(mode).src_acceleration_structure(from.raw);
+        }
         // SAFETY: `cmd` is being recorded; sizes and addresses are as `structure_sizes` asked.
         unsafe { self.acceleration_structure()?.cmd_build_acceleration_structures(cmd, &[info], &[&ranges]) };
         Ok(())
@@ -280,7 +289,7 @@ impl Device {
         self.memory_barrier(cmd, (S::ALL_COMMANDS, A::MEMORY_WRITE), (BUILD.0, BUILD.1 | A::SHADER_READ));
         let mut at = self.align_scratch(scratch.address());
         for ((&input, size), structure) in inputs.iter().zip(sizes).zip(&structures) {
-            self.record_build(cmd, input, structure, at)?;
+            self.record_build(cmd, input, None, structure, at)?;
             at += size.scratch;
         }
         self.memory_barrier(cmd, BUILD, BUILD);
@@ -342,13 +351,29 @@ impl Device {
         let buffer = self.upload(name, &bytes)?;
         let count = u32::try_from(instances.len()).unwrap_or(u32::MAX);
         let input = Input::Instances { address: buffer.address(), count };
+        let (structure, report) = self.build_structure(name, input)?;
+        let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+        Ok((structure, BuildReport { milliseconds, ..report }))
+    }
+
+    /// Builds a structure that is not compacted, and waits.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::build_bottom_structures`].
+    pub(crate) fn build_structure(
+        &self,
+        name: &str,
+        input: Input<'_>,
+    ) -> Result<(AccelerationStructure, BuildReport), Error> {
+        let started = Instant::now();
         let sizes = self.structure_sizes(name, input)?;
         let structure = self.create_structure(name, input, sizes.structure)?;
         let scratch = self.scratch(sizes.scratch)?;
         let commands = self.commands(name)?;
         let cmd = commands.raw();
         self.memory_barrier(cmd, (S::ALL_COMMANDS, A::MEMORY_WRITE), (BUILD.0, BUILD.1 | A::SHADER_READ));
-        self.record_build(cmd, input, &structure, self.align_scratch(scratch.address()))?;
+        self.record_build(cmd, input, None, &structure, self.align_scratch(scratch.address()))?;
         self.memory_barrier(cmd, BUILD, (S::ALL_COMMANDS, A::MEMORY_READ));
         self.submit(commands)?.wait()?;
         let report = BuildReport {
@@ -361,7 +386,7 @@ impl Device {
     }
 
     /// Scratch memory with room to align its start.
-    fn scratch(&self, bytes: u64) -> Result<Buffer, Error> {
+    pub(crate) fn scratch(&self, bytes: u64) -> Result<Buffer, Error> {
         self.buffer("build scratch", bytes + self.0.limits.scratch_alignment, MemoryKind::Device)
     }
 }
@@ -378,7 +403,9 @@ fn batch(sizes: &[BuildSizes]) -> usize {
 
 fn structure_type(input: Input<'_>) -> vk::AccelerationStructureTypeKHR {
     match input {
-        Input::Triangles(_) | Input::Boxes { .. } => vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL,
+        Input::Triangles(_) | Input::Changing(_) | Input::Boxes { .. } => {
+            vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL
+        }
         Input::Instances { .. } => vk::AccelerationStructureTypeKHR::TOP_LEVEL,
     }
 }
@@ -390,7 +417,7 @@ fn describe(input: Input<'_>) -> Described {
     let address = |device_address| vk::DeviceOrHostAddressConstKHR { device_address };
     let range = |count| vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(count);
     match input {
-        Input::Triangles(geometries) => geometries
+        Input::Triangles(geometries) | Input::Changing(geometries) => geometries
             .iter()
             .map(|g| {
                 let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
@@ -438,6 +465,7 @@ fn build_info<'a>(
     use vk::BuildAccelerationStructureFlagsKHR as F;
     let flags = match input {
         Input::Triangles(_) | Input::Boxes { .. } => F::PREFER_FAST_TRACE | F::ALLOW_COMPACTION,
+        Input::Changing(_) => F::PREFER_FAST_TRACE | F::ALLOW_UPDATE,
         Input::Instances { .. } => F::PREFER_FAST_TRACE,
     };
     vk::AccelerationStructureBuildGeometryInfoKHR::default()

@@ -422,18 +422,9 @@ impl Context<'_> {
         if self.clips.is_empty() || empty {
             return import::finish(scene, self.file, &element);
         }
-        let motion = Rigged {
-            file: self.file.to_owned(),
-            element,
-            clips: Arc::clone(&self.clips),
-            rig: Rig { glow: self.glow(&scene), ..rig },
-            parts: scene,
-        };
-        let mut scene = motion.posed(&[], 0.0)?;
-        if motion.parts.cameras.is_empty() {
-            scene.cameras = vec![Scene::framing(motion.bounds())];
-            scene.notes.push(import::FRAMED.into());
-        }
+        let rig = Rig { glow: self.glow(&scene), ..rig };
+        let motion = Rigged::new(self.file.to_owned(), element, Arc::clone(&self.clips), scene, rig);
+        let mut scene = motion.at_rest()?;
         scene.motion = Some(Arc::new(motion));
         Ok(scene)
     }
@@ -538,6 +529,7 @@ impl Context<'_> {
                         // The posed mesh has these.
                         (shape.base.uv0, shape.base.uv1, shape.base.colors) = Default::default();
                         let skin = skin.as_ref().map(|skin| Arc::clone(&skin.source));
+                        let shape = Arc::new(shape);
                         rig.shapes.push(Shaped { mesh: slot as u32, node: i as u32, skin, shape });
                         slot
                     }
@@ -575,7 +567,7 @@ impl Context<'_> {
                     let place = within.at(world);
                     let placement = around.map_or(place, |around| around.placement(mesh, &place));
                     let transform = self.world_f32(i, placement)?;
-                    // What changes shape is built anew with all the rest.
+                    // Whether what changes shape is built anew with all the rest is settled later.
                     let moves = carried && !reshaped;
                     scene.instances.push(Instance {
                         name: name.clone(),

@@ -1,16 +1,21 @@
 //! Scenes in time: nodes, skins, morph targets and clips that move them. A pose is a scene of its own, made from the parts as
 //! they were read: the instances, shapes, lights, cameras and materials that there are at a time.
 
+mod lazy;
 pub(super) mod rig;
 pub(super) mod shape;
 
 use super::clip::{
     CameraProperty, Channel, Clip, LightProperty, MaterialProperty, NodeProperty, Target, together,
 };
+use super::import::{self, Settled};
 use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
 use super::origin::{self, Around};
-use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Motion, Scene, SceneError, View, import};
+use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Motion, Scene, SceneError, View};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
+pub use lazy::Deformation;
+use lazy::Reach;
+pub(crate) use lazy::corners;
 use rig::{Local, Node, Skin, Worlds};
 use shape::Shape;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -24,9 +29,12 @@ pub(super) struct Rigged {
     /// The scene's in the file.
     pub(super) element: String,
     pub(super) clips: Arc<Vec<Clip>>,
-    /// Everything there may be, at rest, before a load's last steps.
-    pub(super) parts: Scene,
-    pub(super) rig: Rig,
+    /// Everything there may be, at rest, before a load's last steps but for those that are [settled](Self::settle).
+    parts: Scene,
+    rig: Rig,
+    settled: Settled,
+    /// One a shape; none of what a device cannot bring into shape.
+    reaches: Vec<Option<Reach>>,
 }
 
 /// What the parts of a scene follow.
@@ -81,7 +89,7 @@ pub(super) struct Shaped {
     pub(super) mesh: u32,
     pub(super) node: u32,
     pub(super) skin: Option<Arc<Skin>>,
-    pub(super) shape: Shape,
+    pub(super) shape: Arc<Shape>,
 }
 
 /// A light source before it is placed.
@@ -105,8 +113,8 @@ impl Motion for Rigged {
         &self.clips
     }
 
-    fn pose(&self, scene: &Scene, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
-        let mut pose = self.posed(clips, time)?;
+    fn pose(&self, scene: &Scene, clips: &[usize], time: f64, lazily: bool) -> Result<Scene, SceneError> {
+        let mut pose = self.posed(clips, time, lazily)?;
         if self.parts.cameras.is_empty() {
             pose.cameras.clone_from(&scene.cameras);
         }
@@ -119,18 +127,36 @@ impl Motion for Rigged {
 }
 
 impl Rigged {
+    pub(super) fn new(file: PathBuf, element: String, clips: Arc<Vec<Clip>>, parts: Scene, rig: Rig) -> Self {
+        let settled = Settled::default();
+        let mut rigged = Self { file, element, clips, parts, rig, settled, reaches: Vec::new() };
+        rigged.settle();
+        rigged
+    }
+
+    /// The scene at rest.
+    pub(super) fn at_rest(&self) -> Result<Scene, SceneError> {
+        let mut scene = self.posed(&[], 0.0, false)?;
+        if self.parts.cameras.is_empty() {
+            scene.cameras = vec![Scene::framing(self.bounds())];
+            scene.notes.push(import::FRAMED.into());
+        }
+        Ok(scene)
+    }
+
     /// Smallest and largest coordinates (m) of what clips that go together show at several times.
-    pub(super) fn bounds(&self) -> Option<(Vec3, Vec3)> {
+    fn bounds(&self) -> Option<(Vec3, Vec3)> {
         const TIMES: usize = 16;
         let clips = together(&self.clips);
         let end = clips.iter().map(|&clip| self.clips[clip].end()).fold(0.0, f64::max);
-        let posed = |i| self.posed(&clips, end * i as f64 / TIMES as f64).ok()?.bounds();
+        let posed = |i| self.posed(&clips, end * i as f64 / TIMES as f64, false).ok()?.bounds();
         let all = (0..=TIMES).filter_map(posed);
         all.reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
     }
 
-    /// At a time of some clips; without any it is at rest.
-    pub(super) fn posed(&self, clips: &[usize], time: f64) -> Result<Scene, SceneError> {
+    /// At a time of some clips; without any it is at rest. If `lazily`, meshes that a device can bring into shape are left as
+    /// they are at rest.
+    fn posed(&self, clips: &[usize], time: f64, lazily: bool) -> Result<Scene, SceneError> {
         let rig = &self.rig;
         let mut scene = self.parts.clone();
         let mut state = State {
@@ -157,7 +183,7 @@ impl Rigged {
                 return Err(fail(placed.node, "its transform in the world is too large"));
             }
         }
-        for shaped in &rig.shapes {
+        for (shaped, reach) in rig.shapes.iter().zip(&self.reaches) {
             let joints = match &shaped.skin {
                 Some(skin) => {
                     let world = |joint| Ok::<_, SceneError>(worlds.at(joint));
@@ -169,23 +195,27 @@ impl Rigged {
                 state.nodes[shaped.node as usize].weights.iter().map(|&weight| weight as f32).collect();
             let origin =
                 rig.around.as_ref().map_or(DVec3::ZERO, |around| around.meshes[shaped.mesh as usize]);
-            let posed = shaped.shape.pose(&weights, &joints, origin);
-            let posed = posed.map_err(|vertex| {
+            let deformation =
+                Deformation::new(shaped.mesh, Arc::clone(&shaped.shape), weights, joints, origin);
+            if let Some(reach) = reach.as_ref().filter(|_| lazily)
+                && let Some(deformation) = deformation.within(reach, &scene)
+            {
+                scene.deformations.push(deformation);
+                continue;
+            }
+            let rest = &mut scene.meshes[shaped.mesh as usize];
+            let mut mesh = deformation.posed(rest).map_err(|vertex| {
                 fail(shaped.node, &format!("vertex {vertex} of its mesh's pose is not finite"))
             })?;
-            let rest = &mut scene.meshes[shaped.mesh as usize];
-            let mut mesh = Mesh {
-                name: rest.name.clone(),
-                uv0: rest.uv0.clone(),
-                uv1: rest.uv1.clone(),
-                colors: rest.colors.clone(),
-                ..posed
-            };
             mesh.generate_tangents(&scene.materials);
             *rest = mesh.into();
         }
         // What is scaled to nothing is as good as hidden.
-        let nothing: Vec<bool> = scene.meshes.iter().map(|mesh| is_nothing(mesh)).collect();
+        let nothing: Vec<bool> = scene
+            .meshes
+            .iter()
+            .map(|mesh| self.settled.bounds(mesh).map_or_else(|| is_nothing(mesh), |ends| is_small(&ends)))
+            .collect();
         let mut shown = rig.instances.iter().map(|placed| worlds.shows(placed.node));
         scene.instances.retain(|instance| {
             let scale =
@@ -215,14 +245,18 @@ impl Rigged {
                 *camera = seen;
             }
         }
-        import::finish_pose(scene, &self.file, &self.element)
+        import::finish_pose(scene, &self.settled, &self.file, &self.element)
     }
 }
 
 /// Whether a mesh is smaller than a scene may be.
 fn is_nothing(mesh: &Mesh) -> bool {
     let ends = mesh.positions.iter().map(|&p| (p, p)).reduce(|(l, h), (a, b)| (l.min(a), h.max(b)));
-    ends.is_none_or(|(low, high)| (high - low).max_element() < MIN_EXTENT)
+    ends.is_none_or(|(low, high)| is_small(&[low, high]))
+}
+
+fn is_small(&[low, high]: &[Vec3; 2]) -> bool {
+    (high - low).max_element() < MIN_EXTENT
 }
 
 impl State {

@@ -31,7 +31,7 @@ pub(crate) struct Influences {
 }
 
 impl Influences {
-    fn vertex(&self, vertex: usize) -> &[(u32, f32)] {
+    pub(super) fn vertex(&self, vertex: usize) -> &[(u32, f32)] {
         let start = vertex.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
         &self.of[start..self.ends[vertex] as usize]
     }

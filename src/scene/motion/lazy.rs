@@ -1,0 +1,272 @@
+//! Meshes that a device brings into shape: those whose every vertex alone says where it goes, and nothing else of the scene
+//! follows from.
+
+use super::shape::{MorphTarget, Shape};
+use super::{Rigged, Shaped, is_small};
+use crate::scene::import::{self, Settled};
+use crate::scene::limits::MAX_COORDINATE;
+use crate::scene::validate::invertible;
+use crate::scene::{Material, Mesh, Scene, Target, slab};
+use glam::{DAffine3, DVec3, Vec3};
+use std::sync::Arc;
+
+/// A mesh of a scene that is to be brought into shape by morph targets, then a skin. The mesh in the scene is its rest.
+#[derive(Clone, Debug)]
+pub struct Deformation {
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    shape: Arc<Shape>,
+    weights: Vec<f32>,
+    /// From the mesh's space to that of its instances, but for `origin`.
+    joints: Vec<DAffine3>,
+    origin: DVec3,
+    bounds: [Vec3; 2],
+}
+
+/// How far vertices of a shape may come.
+#[derive(Debug)]
+pub(super) struct Reach {
+    /// What each joint moves; of what has no skin all.
+    boxes: Vec<(Option<u32>, [DVec3; 2])>,
+    /// What each morph target adds by weight 1.
+    deltas: Vec<[DVec3; 2]>,
+    materials: Vec<u32>,
+    /// Where it is seen.
+    instances: Vec<u32>,
+}
+
+/// A vertex on its way to its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vertex<'a> {
+    pub(crate) position: Vec3,
+    pub(crate) normal: Vec3,
+    /// Joints and weights, which sum to anything.
+    pub(crate) influences: &'a [(u32, f32)],
+}
+
+impl Rigged {
+    /// Does what of a load's last steps no pose changes, and finds what a device can bring into shape.
+    pub(super) fn settle(&mut self) {
+        let (parts, rig) = (&mut self.parts, &self.rig);
+        let animated: Vec<u32> = self
+            .clips
+            .iter()
+            .flat_map(|clip| &clip.channels)
+            .filter_map(|channel| match channel.target {
+                Target::Material(material, _) => Some(material),
+                _ => None,
+            })
+            .collect();
+        let mut shaped = vec![false; parts.meshes.len()];
+        rig.shapes.iter().for_each(|shape| shaped[shape.mesh as usize] = true);
+        let may_be_slab: Vec<bool> = parts.materials.iter().map(slab::may_be_slab).collect();
+        let glass =
+            |mesh: u32| parts.meshes[mesh as usize].materials.iter().any(|&m| may_be_slab[m as usize]);
+        let mut moved = parts.instances.iter().filter(|i| i.moves || shaped[i.mesh as usize]);
+        // A slab that stays and whose glass stays the same is a pane in every pose.
+        let panes = rig.around.is_none()
+            && !animated.iter().any(|&material| may_be_slab[material as usize])
+            && !moved.any(|instance| glass(instance.mesh));
+        // Where the air in a slab is looked for, so is what has changed shape.
+        let lazy = panes || !may_be_slab.contains(&true);
+        let reach = |of: &Shaped| Reach::of(of.mesh, &of.shape, parts).filter(|_| lazy);
+        self.reaches = rig.shapes.iter().map(reach).collect();
+        let mut stays: Vec<bool> = shaped.iter().map(|shaped| !shaped).collect();
+        for (of, _) in rig.shapes.iter().zip(&self.reaches).filter(|(_, reach)| reach.is_some()) {
+            stays[of.mesh as usize] = true;
+        }
+        for instance in &mut parts.instances {
+            let mesh = instance.mesh as usize;
+            instance.moves |= shaped[mesh] && stays[mesh];
+        }
+        self.settled = Settled::of(parts, |mesh| stays.get(mesh) != Some(&false), panes);
+    }
+}
+
+impl Reach {
+    /// None where a device cannot bring it into shape.
+    fn of(mesh: u32, shape: &Shape, parts: &Scene) -> Option<Self> {
+        let rest = &parts.meshes[mesh as usize];
+        let same = rest.tangents.is_empty() && shape.base.tangents.is_empty();
+        let alike = rest.triangles == shape.base.triangles && rest.materials == shape.base.materials;
+        let finite = |target: &MorphTarget| {
+            target.positions.iter().chain(&target.normals).all(|delta| delta.is_finite())
+        };
+        if !same
+            || !alike
+            || !import::is_done(rest, parts.materials.len())
+            || !shape.targets.iter().all(finite)
+        {
+            return None;
+        }
+        let mut boxes: Vec<(Option<u32>, [DVec3; 2])> = Vec::new();
+        let mut place = std::collections::HashMap::new();
+        for (index, &position) in shape.base.positions.iter().enumerate() {
+            let at = position.as_dvec3();
+            let mut add = |joint: Option<u32>| {
+                let of = *place.entry(joint).or_insert_with(|| {
+                    boxes.push((joint, [at, at]));
+                    boxes.len() - 1
+                });
+                let ends = &mut boxes[of].1;
+                *ends = [ends[0].min(at), ends[1].max(at)];
+            };
+            match &shape.influences {
+                Some(influences) => influences.vertex(index).iter().for_each(|&(joint, _)| add(Some(joint))),
+                None => add(None),
+            }
+        }
+        let delta = |target: &MorphTarget| {
+            let zero = [DVec3::ZERO; 2];
+            target.positions.iter().map(|d| d.as_dvec3()).fold(zero, |[l, h], d| [l.min(d), h.max(d)])
+        };
+        let mut materials = rest.materials.clone();
+        materials.sort_unstable();
+        materials.dedup();
+        let placed =
+            |(index, instance): (u32, &crate::scene::Instance)| (instance.mesh == mesh).then_some(index);
+        let instances = (0..).zip(&parts.instances).filter_map(placed).collect();
+        Some(Self { boxes, deltas: shape.targets.iter().map(delta).collect(), materials, instances })
+    }
+
+    /// Smallest and largest coordinates (m), none where something turns inside out or goes too far.
+    fn bounds(&self, weights: &[f32], joints: &[DAffine3], origin: DVec3) -> Option<[Vec3; 2]> {
+        let mut added = [DVec3::ZERO; 2];
+        for (&weight, delta) in weights.iter().zip(&self.deltas) {
+            let [a, b] = delta.map(|end| end * f64::from(weight));
+            added = [added[0] + a.min(b), added[1] + a.max(b)];
+        }
+        let (mut low, mut high, mut largest) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0_f64);
+        for (joint, ends) in &self.boxes {
+            let ends = [ends[0] + added[0], ends[1] + added[1]];
+            let joint = joint.map_or(DAffine3::IDENTITY, |joint| joints[joint as usize]);
+            let m = joint.matrix3;
+            if m.determinant() <= 0.0 {
+                return None;
+            }
+            let (center, half) = ((ends[0] + ends[1]) * 0.5, (ends[1] - ends[0]) * 0.5);
+            let center = m * center + (joint.translation - origin);
+            let half = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
+            low = low.min(center - half);
+            high = high.max(center + half);
+            let reach = ends[0].abs().max(ends[1].abs());
+            let terms = m.x_axis.abs() * reach.x + m.y_axis.abs() * reach.y + m.z_axis.abs() * reach.z;
+            largest = largest.max((terms + (joint.translation - origin).abs()).max_element());
+        }
+        // What 32 bits may round.
+        let slack = DVec3::splat(largest * 1e-5);
+        let ends = [(low - slack).as_vec3(), (high + slack).as_vec3()];
+        let near = largest < f64::from(MAX_COORDINATE) && ends[0].is_finite() && ends[1].is_finite();
+        (near && !is_small(&ends.map(|end| end * 0.25))).then_some(ends)
+    }
+}
+
+impl Deformation {
+    pub(super) fn new(
+        mesh: u32,
+        shape: Arc<Shape>,
+        weights: Vec<f32>,
+        joints: Vec<DAffine3>,
+        origin: DVec3,
+    ) -> Self {
+        Self { mesh, shape, weights, joints, origin, bounds: [Vec3::ZERO; 2] }
+    }
+
+    /// The same if a device may do it, in a scene whose materials and places are those of the pose.
+    pub(super) fn within(&self, reach: &Reach, scene: &Scene) -> Option<Self> {
+        let plain = |material: &Material| !material.emits() && !material.may_transmit();
+        let plain = reach.materials.iter().all(|&material| plain(&scene.materials[material as usize]));
+        let places = reach.instances.iter().map(|&index| &scene.instances[index as usize].transform);
+        let finite = self.weights.iter().all(|weight| weight.is_finite());
+        if !plain || !finite || !places.into_iter().all(invertible) {
+            return None;
+        }
+        let bounds = reach.bounds(&self.weights, &self.joints, self.origin)?;
+        Some(Self { bounds, ..self.clone() })
+    }
+
+    /// Smallest and largest coordinates that it may bring vertices to (m).
+    #[must_use]
+    pub fn bounds(&self) -> [Vec3; 2] {
+        self.bounds
+    }
+
+    /// Corners of the bounds.
+    pub(crate) fn corners(&self) -> [Vec3; 8] {
+        corners(self.bounds)
+    }
+
+    /// Whether that is the mesh it brings into shape.
+    pub(crate) fn fits(&self, mesh: &Mesh) -> bool {
+        mesh.triangles == self.shape.base.triangles && mesh.positions.len() == self.shape.base.positions.len()
+    }
+
+    /// The mesh in that shape.
+    ///
+    /// # Errors
+    /// The vertex that is not finite.
+    pub(crate) fn posed(&self, rest: &Mesh) -> Result<Mesh, usize> {
+        let posed = self.shape.pose(&self.weights, &self.joints, self.origin)?;
+        Ok(Mesh {
+            name: rest.name.clone(),
+            uv0: rest.uv0.clone(),
+            uv1: rest.uv1.clone(),
+            colors: rest.colors.clone(),
+            ..posed
+        })
+    }
+
+    /// Whether another differs from it in nothing but weights and joints.
+    pub(crate) fn is_of(&self, other: &Self) -> bool {
+        let counts = |of: &Self| (of.mesh, of.weights.len(), of.joints.len());
+        counts(self) == counts(other) && self.origin == other.origin && Arc::ptr_eq(&self.shape, &other.shape)
+    }
+
+    /// Whether another, [of the same](Self::is_of), brings its mesh into the same shape.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        self.weights == other.weights && self.joints == other.joints
+    }
+
+    /// What it is of, and what it does.
+    pub(crate) fn key(&self) -> impl std::fmt::Debug + '_ {
+        (self.mesh, &self.weights, &self.joints, self.origin)
+    }
+
+    /// Of morph targets.
+    pub(crate) fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// From the mesh's space to that of its instances; none where it has no skin.
+    pub(crate) fn joints(&self) -> impl ExactSizeIterator<Item = DAffine3> + '_ {
+        let skinned = if self.shape.influences.is_some() { &self.joints[..] } else { &[] };
+        skinned.iter().map(|joint| DAffine3 { translation: joint.translation - self.origin, ..*joint })
+    }
+
+    /// What is brought into place; of what has no skin relative to its origin.
+    pub(crate) fn vertices(&self) -> impl Iterator<Item = Vertex<'_>> {
+        let Shape { base, influences, .. } = &*self.shape;
+        let offset = if influences.is_some() { DVec3::ZERO } else { self.origin };
+        base.positions.iter().enumerate().map(move |(index, position)| Vertex {
+            position: (position.as_dvec3() - offset).as_vec3(),
+            normal: base.normals.get(index).copied().unwrap_or_default(),
+            influences: influences.as_ref().map_or(&[], |influences| influences.vertex(index)),
+        })
+    }
+
+    /// What morph targets add to a vertex: which target, by weight 1 to position and normal.
+    pub(crate) fn deltas(&self, vertex: usize) -> impl Iterator<Item = (u32, Vec3, Vec3)> + '_ {
+        let add = move |(target, of): (u32, &MorphTarget)| {
+            let by = |deltas: &[Vec3]| deltas.get(vertex).copied().unwrap_or_default();
+            let (position, normal) = (by(&of.positions), by(&of.normals));
+            (position != Vec3::ZERO || normal != Vec3::ZERO).then_some((target, position, normal))
+        };
+        (0..).zip(&self.shape.targets).filter_map(add)
+    }
+}
+
+/// Corners of a box.
+pub(crate) fn corners([low, high]: [Vec3; 2]) -> [Vec3; 8] {
+    let mask = |i: u32| glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
+    std::array::from_fn(|i| Vec3::select(mask(i as u32), high, low))
+}
