@@ -1,5 +1,6 @@
 //! The last steps of a load, which the importers share.
 
+use super::mesh::{drop_zero_area, has_zero_area};
 use super::{Fault, MAX_VERTICES, Mesh, Scene, SceneError, slab, validate};
 use crate::memory::Budget;
 use glam::{Affine3A, Vec2, Vec3, Vec4};
@@ -93,33 +94,6 @@ pub(super) fn finish_pose(
     Ok(scene)
 }
 
-/// Removes triangles whose exact area is zero; 64-bit floats hold differences and products of coordinates well
-/// enough for collinear corners to cancel.
-pub(super) fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
-    if !has_zero_area(mesh) {
-        return 0;
-    }
-    let before = mesh.triangles.len();
-    let keep: Vec<bool> = mesh.triangles.iter().map(|triangle| has_area(mesh, triangle)).collect();
-    let mesh = Arc::make_mut(mesh);
-    let mut kept = keep.iter();
-    mesh.triangles.retain(|_| kept.next() == Some(&true));
-    let mut kept = keep.iter();
-    mesh.materials.retain(|_| kept.next() == Some(&true));
-    let mut kept = keep.iter();
-    mesh.tangents.retain(|_| kept.next() == Some(&true));
-    before - mesh.triangles.len()
-}
-
-fn has_area(mesh: &Mesh, triangle: &[u32; 3]) -> bool {
-    let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].as_dvec3());
-    (b - a).cross(c - a) != glam::DVec3::ZERO
-}
-
-fn has_zero_area(mesh: &Mesh) -> bool {
-    !mesh.triangles.iter().all(|triangle| has_area(mesh, triangle))
-}
-
 /// Gives every instance whose transform can't be inverted a mesh of its own in world space, without normals
 /// and tangents, which such a transform does not define.
 fn bake_flattening(scene: &mut Scene) -> Result<usize, Fault> {
@@ -176,9 +150,4 @@ fn drop_empty(scene: &mut Scene) {
         deformation.mesh = index.unwrap_or_default();
         index.is_some()
     });
-}
-
-/// Unit vector along `normal`; zero, which stands for the triangle's own normal, where it has no direction.
-pub(super) fn unit_normal(normal: Vec3) -> Vec3 {
-    normal.as_dvec3().normalize_or_zero().as_vec3()
 }

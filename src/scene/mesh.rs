@@ -1,4 +1,5 @@
 use glam::{Affine3A, Vec2, Vec3, Vec4};
+use std::sync::Arc;
 
 /// Triangles in object space. Attribute vectors are empty where the mesh has none, else one a vertex.
 #[derive(Clone, Debug, Default)]
@@ -53,4 +54,36 @@ pub struct Instance {
     /// Whether it is to be placed anew: then it is traced apart from what stays, which slows rays and makes [moving
     /// it](crate::renderer::Renderer::edit) cheap. Pictures are the same but for rounding and what is left to chance.
     pub moves: bool,
+}
+
+/// Removes triangles whose exact area is zero; 64-bit floats hold differences and products of coordinates well
+/// enough for collinear corners to cancel.
+pub(super) fn drop_zero_area(mesh: &mut Arc<Mesh>) -> usize {
+    if !has_zero_area(mesh) {
+        return 0;
+    }
+    let before = mesh.triangles.len();
+    let keep: Vec<bool> = mesh.triangles.iter().map(|triangle| has_area(mesh, triangle)).collect();
+    let mesh = Arc::make_mut(mesh);
+    let mut kept = keep.iter();
+    mesh.triangles.retain(|_| kept.next() == Some(&true));
+    let mut kept = keep.iter();
+    mesh.materials.retain(|_| kept.next() == Some(&true));
+    let mut kept = keep.iter();
+    mesh.tangents.retain(|_| kept.next() == Some(&true));
+    before - mesh.triangles.len()
+}
+
+fn has_area(mesh: &Mesh, triangle: &[u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].as_dvec3());
+    (b - a).cross(c - a) != glam::DVec3::ZERO
+}
+
+pub(super) fn has_zero_area(mesh: &Mesh) -> bool {
+    !mesh.triangles.iter().all(|triangle| has_area(mesh, triangle))
+}
+
+/// Unit vector along `normal`; zero, which stands for the triangle's own normal, where it has no direction.
+pub(super) fn unit_normal(normal: Vec3) -> Vec3 {
+    normal.as_dvec3().normalize_or_zero().as_vec3()
 }

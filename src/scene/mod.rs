@@ -5,6 +5,7 @@
 
 mod camera;
 mod clip;
+mod deformation;
 mod environment;
 mod error;
 mod feature;
@@ -20,6 +21,7 @@ mod motion;
 mod origin;
 mod path;
 mod profile;
+mod shape;
 mod slab;
 mod tangent;
 mod validate;
@@ -34,6 +36,8 @@ pub use clip::{
     CameraProperty, Channel, Clip, Interpolation, LightProperty, MaterialProperty, NodeProperty, Target,
     Track,
 };
+pub use deformation::Deformation;
+pub(crate) use deformation::corners;
 pub use environment::{Environment, MAX_ENVIRONMENT_TEXELS};
 use error::Fault;
 pub use error::SceneError;
@@ -52,8 +56,6 @@ pub use material::{
 pub(crate) use material::{TextureUse, srgb_to_linear};
 pub use mend::LoadOptions;
 pub use mesh::{Instance, Mesh};
-pub use motion::Deformation;
-pub(crate) use motion::corners;
 pub use path::{CameraKey, CameraPath};
 pub use profile::SceneProfile;
 pub(crate) use profile::{Borders, DELTA_ROUGHNESS};

@@ -1,10 +1,10 @@
 //! The ranges a scene's values must keep, for files and for scenes made in code alike.
 
+use super::deformation::corners;
 use super::limits::{
     Checked, MAX_ABSORPTION, MAX_COORDINATE, MAX_FACTOR, MAX_IMAGE_SIDE, MAX_IOR, MAX_RADIANCE, MAX_TEXELS,
     MAX_TEXTURE_COORDINATE, MAX_TRIANGLES, MAX_VERTICES, MIN_EXTENT,
 };
-use super::motion::corners;
 use super::{
     AlphaMode, Camera, Deformation, Image, Instance, Light, LightKind, Material, Mesh, Scene, SceneError,
     TextureRef, View,

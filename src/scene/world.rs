@@ -1,8 +1,9 @@
 //! The scene as a whole: its parts, its extent in the world, and the camera and light it gets where it has none.
 
 use super::clip::{Clip, LightProperty, MaterialProperty, Target, together};
+use super::mesh::drop_zero_area;
 use super::{
-    Camera, Deformation, Environment, Image, Instance, Light, LightKind, Material, Mesh, SceneError, import,
+    Camera, Deformation, Environment, Image, Instance, Light, LightKind, Material, Mesh, SceneError,
 };
 use glam::{DVec3, Vec3};
 use std::borrow::Cow;
@@ -132,7 +133,7 @@ impl Scene {
                 SceneError::new(Path::new("scene"), format!("meshes[{}]", deformation.mesh), problem)
             })?;
             *mesh = posed.into();
-            import::drop_zero_area(mesh);
+            drop_zero_area(mesh);
         }
         Ok(Cow::Owned(scene))
     }

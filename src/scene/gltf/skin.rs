@@ -3,7 +3,7 @@
 use super::context::Context;
 use crate::scene::SceneError;
 use crate::scene::motion::rig;
-use crate::scene::motion::shape::Influences;
+use crate::scene::shape::Influences;
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::mesh::{Primitive, Semantic};
 use ::gltf::json::validation::Checked;

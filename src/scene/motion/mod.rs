@@ -3,21 +3,19 @@
 
 mod lazy;
 pub(super) mod rig;
-pub(super) mod shape;
 
 use super::clip::{
     CameraProperty, Channel, Clip, LightProperty, MaterialProperty, NodeProperty, Target, together,
 };
+use super::deformation::Deformation;
 use super::import::{self, Settled};
 use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
 use super::origin::{self, Around};
+use super::shape::Shape;
 use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Motion, Scene, SceneError, View};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
-pub use lazy::Deformation;
 use lazy::Reach;
-pub(crate) use lazy::corners;
 use rig::{Local, Node, Skin, Worlds};
-use shape::Shape;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -198,7 +196,7 @@ impl Rigged {
             let deformation =
                 Deformation::new(shaped.mesh, Arc::clone(&shaped.shape), weights, joints, origin);
             if let Some(reach) = reach.as_ref().filter(|_| lazily)
-                && let Some(deformation) = deformation.within(reach, &scene)
+                && let Some(deformation) = reach.bounded(&deformation, &scene)
             {
                 scene.deformations.push(deformation);
                 continue;

@@ -2,7 +2,7 @@
 
 use super::source::Source;
 use super::text::{COMMA, CUT, Numbers, finite, split, statements, uncommented};
-use crate::scene::{MAX_VERTICES, SceneError, import, srgb_to_linear};
+use crate::scene::{MAX_VERTICES, SceneError, mesh, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 #[derive(Default)]
@@ -144,7 +144,7 @@ impl Vertices {
         let normal = match read {
             Ok(normal) => {
                 check(source, line, &numbers, numbers.values().get(3).map(|_| code))?;
-                import::unit_normal(normal)
+                mesh::unit_normal(normal)
             }
             Err(problem) => {
                 source.mend(

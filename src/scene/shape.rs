@@ -1,7 +1,7 @@
 //! Meshes that change shape: morph targets, then skins (glTF 2.0, sections 3.7.2.2 and 3.7.3.3).
 
-use crate::scene::Mesh;
-use crate::scene::import::unit_normal;
+use super::Mesh;
+use super::mesh::unit_normal;
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 
 /// A mesh before it is morphed and skinned.
