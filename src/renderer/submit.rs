@@ -63,7 +63,7 @@ impl Renderer {
     /// | lights | lights, and what they are chosen by | stay | stay unless what there is of them changes |
     /// | materials | materials; where emission changes, tables of emissive triangles | stay | stay unless what there is of them changes |
     /// | [`Instance::transform`](crate::scene::Instance::transform) where it [is to move](crate::scene::Instance::moves) | a record an instance; where what moves emits, tables of emissive triangles | the level over placements alone; boxes for imperfect visibility all; all, where there is one level, as `boxes-inline` needs | stay unless there are panes, or the level is deeper than before |
-    /// | [`Scene::deformations`] of the same meshes | a record an instance; vertices are made on the device | the level over placements, and nodes over what is brought into shape; all, where there is one level or the driver's own; boxes all | as for placements |
+    /// | [`Scene::deformations`] of the same meshes | a record an instance; vertices are made on the device | the level over placements, and what is below it of these meshes; all, where there is one level; boxes all | as for placements |
     /// | what rays are blocked by (of materials `alpha_mode`, and whether they pass light and are panes), other instances, meshes, images or environment, a scene that leaves the origin far behind | all | all | stay where they serve |
     ///
     /// Meshes, images and the environment are the same as before where their `Arc` is. [`Invalidated`] says what was redone. Where

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// A mesh of a scene that is to be brought into shape by morph targets, then a skin. The mesh in the scene is its rest.
 #[derive(Clone, Debug)]
 pub struct Deformation {
-    /// Index into [`Scene::meshes`].
+    /// Index into [`Scene::meshes`](super::Scene::meshes).
     pub mesh: u32,
     pub(super) shape: Arc<Shape>,
     pub(super) weights: Vec<f32>,

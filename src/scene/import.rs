@@ -47,14 +47,11 @@ impl Settled {
         if panes {
             slab::become_panes(parts);
         }
-        let ends = |mesh: &Mesh| {
-            let positions = mesh.positions.iter();
-            positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[l, h], &p| [l.min(p), h.max(p)])
-        };
         let done =
             |(index, mesh): &(usize, &Arc<Mesh>)| stays(*index) && is_done(mesh, parts.materials.len());
         let all = parts.meshes.iter().enumerate().filter(done);
-        Self { meshes: all.map(|(_, mesh)| (address(mesh), ends(mesh))).collect(), dropped, panes }
+        let meshes = all.filter_map(|(_, mesh)| Some((address(mesh), mesh.ends()?))).collect();
+        Self { meshes, dropped, panes }
     }
 
     /// Where the vertices of a mesh are (m) that is done with.

@@ -26,6 +26,12 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Smallest and largest coordinates of its vertices (m), if it has any.
+    pub(super) fn ends(&self) -> Option<[Vec3; 2]> {
+        let ends = self.positions.iter().map(|&position| [position; 2]);
+        ends.reduce(|[low, high], [a, b]| [low.min(a), high.max(b)])
+    }
+
     /// Whether shading normals leave their triangle's own, on either side, by more than rounding does.
     #[must_use]
     pub(super) fn is_curved(&self) -> bool {

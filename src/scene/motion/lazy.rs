@@ -7,8 +7,9 @@ use crate::scene::import::{self, Settled};
 use crate::scene::limits::MAX_COORDINATE;
 use crate::scene::shape::{MorphTarget, Shape};
 use crate::scene::validate::invertible;
-use crate::scene::{Material, Scene, Target, slab};
+use crate::scene::{Instance, Material, Scene, Target, slab};
 use glam::{DAffine3, DVec3, Vec3};
+use std::collections::HashMap;
 
 /// How far vertices of a shape may come.
 #[derive(Debug)]
@@ -78,7 +79,7 @@ impl Reach {
             return None;
         }
         let mut boxes: Vec<(Option<u32>, [DVec3; 2])> = Vec::new();
-        let mut place = std::collections::HashMap::new();
+        let mut place = HashMap::new();
         for (index, &position) in shape.base.positions.iter().enumerate() {
             let at = position.as_dvec3();
             let mut add = |joint: Option<u32>| {
@@ -101,8 +102,7 @@ impl Reach {
         let mut materials = rest.materials.clone();
         materials.sort_unstable();
         materials.dedup();
-        let placed =
-            |(index, instance): (u32, &crate::scene::Instance)| (instance.mesh == mesh).then_some(index);
+        let placed = |(index, instance): (u32, &Instance)| (instance.mesh == mesh).then_some(index);
         let instances = (0..).zip(&parts.instances).filter_map(placed).collect();
         Some(Self { boxes, deltas: shape.targets.iter().map(delta).collect(), materials, instances })
     }
@@ -137,9 +137,7 @@ impl Reach {
         let near = largest < f64::from(MAX_COORDINATE) && ends[0].is_finite() && ends[1].is_finite();
         (near && !is_small(&ends.map(|end| end * 0.25))).then_some(ends)
     }
-}
 
-impl Reach {
     /// A deformation with its bounds if a device may do it, in a scene whose materials and places are those of the pose.
     pub(super) fn bounded(&self, deformation: &Deformation, scene: &Scene) -> Option<Deformation> {
         let plain = |material: &Material| !material.emits() && !material.may_transmit();

@@ -12,7 +12,7 @@ use super::import::{self, Settled};
 use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
 use super::origin::{self, Around};
 use super::shape::Shape;
-use super::{AlphaMode, Camera, Light, LightKind, Material, Mesh, Motion, Scene, SceneError, View};
+use super::{AlphaMode, Camera, Light, LightKind, Material, Motion, Scene, SceneError, View};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use lazy::Reach;
 use rig::{Local, Node, Skin, Worlds};
@@ -212,7 +212,7 @@ impl Rigged {
         let nothing: Vec<bool> = scene
             .meshes
             .iter()
-            .map(|mesh| self.settled.bounds(mesh).map_or_else(|| is_nothing(mesh), |ends| is_small(&ends)))
+            .map(|mesh| self.settled.bounds(mesh).or_else(|| mesh.ends()).is_none_or(|ends| is_small(&ends)))
             .collect();
         let mut shown = rig.instances.iter().map(|placed| worlds.shows(placed.node));
         scene.instances.retain(|instance| {
@@ -247,12 +247,7 @@ impl Rigged {
     }
 }
 
-/// Whether a mesh is smaller than a scene may be.
-fn is_nothing(mesh: &Mesh) -> bool {
-    let ends = mesh.positions.iter().map(|&p| (p, p)).reduce(|(l, h), (a, b)| (l.min(a), h.max(b)));
-    ends.is_none_or(|(low, high)| is_small(&[low, high]))
-}
-
+/// Whether what has these ends is smaller than a scene may be.
 fn is_small(&[low, high]: &[Vec3; 2]) -> bool {
     (high - low).max_element() < MIN_EXTENT
 }
