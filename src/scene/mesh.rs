@@ -1,3 +1,4 @@
+use super::limits::MIN_EXTENT;
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -92,4 +93,9 @@ pub(super) fn has_zero_area(mesh: &Mesh) -> bool {
 /// Unit vector along `normal`; zero, which stands for the triangle's own normal, where it has no direction.
 pub(super) fn unit_normal(normal: Vec3) -> Vec3 {
     normal.as_dvec3().normalize_or_zero().as_vec3()
+}
+
+/// Whether what has these ends is smaller than a scene may be.
+pub(super) fn is_small(&[low, high]: &[Vec3; 2]) -> bool {
+    (high - low).max_element() < MIN_EXTENT
 }

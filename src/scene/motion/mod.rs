@@ -1,7 +1,7 @@
 //! Scenes in time: nodes, skins, morph targets and clips that move them. A pose is a scene of its own, made from the parts as
 //! they were read: the instances, shapes, lights, cameras and materials that there are at a time.
 
-mod lazy;
+mod reach;
 pub(super) mod rig;
 
 use super::clip::{
@@ -10,11 +10,12 @@ use super::clip::{
 use super::deformation::Deformation;
 use super::import::{self, Settled};
 use super::limits::{MAX_COORDINATE, MAX_FACTOR, MAX_IOR, MAX_RADIANCE, MIN_EXTENT};
+use super::mesh::is_small;
 use super::origin::{self, Around};
 use super::shape::Shape;
-use super::{AlphaMode, Camera, Light, LightKind, Material, Motion, Scene, SceneError, View};
+use super::{AlphaMode, Camera, Light, LightKind, Material, Motion, Scene, SceneError, View, slab};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
-use lazy::Reach;
+use reach::Reach;
 use rig::{Local, Node, Skin, Worlds};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
@@ -132,6 +133,43 @@ impl Rigged {
         rigged
     }
 
+    /// Does what of a load's last steps no pose changes, and finds what a device can bring into shape.
+    fn settle(&mut self) {
+        let (parts, rig) = (&mut self.parts, &self.rig);
+        let animated: Vec<u32> = self
+            .clips
+            .iter()
+            .flat_map(|clip| &clip.channels)
+            .filter_map(|channel| match channel.target {
+                Target::Material(material, _) => Some(material),
+                _ => None,
+            })
+            .collect();
+        let mut shaped = vec![false; parts.meshes.len()];
+        rig.shapes.iter().for_each(|shape| shaped[shape.mesh as usize] = true);
+        let may_be_slab: Vec<bool> = parts.materials.iter().map(slab::may_be_slab).collect();
+        let glass =
+            |mesh: u32| parts.meshes[mesh as usize].materials.iter().any(|&m| may_be_slab[m as usize]);
+        let mut moved = parts.instances.iter().filter(|i| i.moves || shaped[i.mesh as usize]);
+        // A slab that stays and whose glass stays the same is a pane in every pose.
+        let panes = rig.around.is_none()
+            && !animated.iter().any(|&material| may_be_slab[material as usize])
+            && !moved.any(|instance| glass(instance.mesh));
+        // Where the air in a slab is looked for, so is what has changed shape.
+        let lazy = panes || !may_be_slab.contains(&true);
+        let reach = |of: &Shaped| Reach::of(of.mesh, &of.shape, parts).filter(|_| lazy);
+        self.reaches = rig.shapes.iter().map(reach).collect();
+        let mut stays: Vec<bool> = shaped.iter().map(|shaped| !shaped).collect();
+        for (of, _) in rig.shapes.iter().zip(&self.reaches).filter(|(_, reach)| reach.is_some()) {
+            stays[of.mesh as usize] = true;
+        }
+        for instance in &mut parts.instances {
+            let mesh = instance.mesh as usize;
+            instance.moves |= shaped[mesh] && stays[mesh];
+        }
+        self.settled = Settled::of(parts, |mesh| stays.get(mesh) != Some(&false), panes);
+    }
+
     /// The scene at rest.
     pub(super) fn at_rest(&self) -> Result<Scene, SceneError> {
         let mut scene = self.posed(&[], 0.0, false)?;
@@ -245,11 +283,6 @@ impl Rigged {
         }
         import::finish_pose(scene, &self.settled, &self.file, &self.element)
     }
-}
-
-/// Whether what has these ends is smaller than a scene may be.
-fn is_small(&[low, high]: &[Vec3; 2]) -> bool {
-    (high - low).max_element() < MIN_EXTENT
 }
 
 impl State {

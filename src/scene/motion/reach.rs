@@ -1,13 +1,13 @@
 //! Meshes that a device brings into shape: those whose every vertex alone says where it goes, and nothing else of the scene
 //! follows from.
 
-use super::{Rigged, Shaped, is_small};
 use crate::scene::deformation::Deformation;
-use crate::scene::import::{self, Settled};
+use crate::scene::import;
 use crate::scene::limits::MAX_COORDINATE;
+use crate::scene::mesh::is_small;
 use crate::scene::shape::{MorphTarget, Shape};
 use crate::scene::validate::invertible;
-use crate::scene::{Instance, Material, Scene, Target, slab};
+use crate::scene::{Instance, Material, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 use std::collections::HashMap;
 
@@ -23,48 +23,9 @@ pub(super) struct Reach {
     instances: Vec<u32>,
 }
 
-impl Rigged {
-    /// Does what of a load's last steps no pose changes, and finds what a device can bring into shape.
-    pub(super) fn settle(&mut self) {
-        let (parts, rig) = (&mut self.parts, &self.rig);
-        let animated: Vec<u32> = self
-            .clips
-            .iter()
-            .flat_map(|clip| &clip.channels)
-            .filter_map(|channel| match channel.target {
-                Target::Material(material, _) => Some(material),
-                _ => None,
-            })
-            .collect();
-        let mut shaped = vec![false; parts.meshes.len()];
-        rig.shapes.iter().for_each(|shape| shaped[shape.mesh as usize] = true);
-        let may_be_slab: Vec<bool> = parts.materials.iter().map(slab::may_be_slab).collect();
-        let glass =
-            |mesh: u32| parts.meshes[mesh as usize].materials.iter().any(|&m| may_be_slab[m as usize]);
-        let mut moved = parts.instances.iter().filter(|i| i.moves || shaped[i.mesh as usize]);
-        // A slab that stays and whose glass stays the same is a pane in every pose.
-        let panes = rig.around.is_none()
-            && !animated.iter().any(|&material| may_be_slab[material as usize])
-            && !moved.any(|instance| glass(instance.mesh));
-        // Where the air in a slab is looked for, so is what has changed shape.
-        let lazy = panes || !may_be_slab.contains(&true);
-        let reach = |of: &Shaped| Reach::of(of.mesh, &of.shape, parts).filter(|_| lazy);
-        self.reaches = rig.shapes.iter().map(reach).collect();
-        let mut stays: Vec<bool> = shaped.iter().map(|shaped| !shaped).collect();
-        for (of, _) in rig.shapes.iter().zip(&self.reaches).filter(|(_, reach)| reach.is_some()) {
-            stays[of.mesh as usize] = true;
-        }
-        for instance in &mut parts.instances {
-            let mesh = instance.mesh as usize;
-            instance.moves |= shaped[mesh] && stays[mesh];
-        }
-        self.settled = Settled::of(parts, |mesh| stays.get(mesh) != Some(&false), panes);
-    }
-}
-
 impl Reach {
     /// None where a device cannot bring it into shape.
-    fn of(mesh: u32, shape: &Shape, parts: &Scene) -> Option<Self> {
+    pub(super) fn of(mesh: u32, shape: &Shape, parts: &Scene) -> Option<Self> {
         let rest = &parts.meshes[mesh as usize];
         let same = rest.tangents.is_empty() && shape.base.tangents.is_empty();
         let alike = rest.triangles == shape.base.triangles && rest.materials == shape.base.materials;
